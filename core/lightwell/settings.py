@@ -1,0 +1,118 @@
+"""Settings of one stream: typed, bounded and described in one place.
+
+The command line, ``lightwell.toml``, the REST API and the ingest worker all use these models; each description ends up
+in ``--help``, in OpenAPI and in ``lightwell.toml``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from lightwell.conventions import DEFAULT_BANDS, DEFAULT_FORWARD, DEFAULT_UP, MAX_STREAM_BANDS, Units
+
+MappingName = Literal["latlong", "mirror-sphere", "mirror-ball", "angular", "fisheye", "octahedral", "cube"]
+WindowKind = Literal["none", "hann", "lanczos", "nonneg", "auto"]
+FilterKind = Literal["none", "alpha", "tau", "one-euro", "kalman"]
+ProjectionWeights = Literal["solid-angle", "paper", "fejer"]
+Vector3 = tuple[float, float, float]
+
+STREAM_NAME_PATTERN = r"^[a-z0-9][a-z0-9_-]{0,62}$"
+StreamName = Annotated[str, Field(pattern=STREAM_NAME_PATTERN)]
+
+
+class Settings(BaseModel):
+    """Base: immutable, and an unknown key is an error that names it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class MappingSettings(Settings):
+    """Where each pixel looks."""
+
+    kind: MappingName = Field("latlong", description="how the picture covers the sphere")
+    forward: Vector3 = Field(DEFAULT_FORWARD, description="world direction in which the camera looks")
+    up: Vector3 = Field(DEFAULT_UP, description="world direction in which the image's top points")
+    fov_degrees: float | None = Field(None, gt=0, le=360, description="field of view across the image width, degrees")
+    fisheye: Literal["equidistant", "equisolid"] = Field("equidistant", description="projection of the fisheye lens")
+    sphere_radius_m: float | None = Field(None, gt=0, description="radius of the mirror sphere, metres")
+    sphere_distance_m: float | None = Field(None, gt=0, description="camera to sphere centre, metres")
+    disc: tuple[float, float, float] | None = Field(
+        None, description="centre x, centre y and radius of the probe's disc in pixels, where it is not centred"
+    )
+    blind: Literal["fill", "zero"] = Field(
+        "fill", description="cone that the probe cannot see: filled from its rim, or left dark"
+    )
+
+
+class WindowSettings(Settings):
+    """Window against ringing (MATHS §4)."""
+
+    kind: WindowKind = Field(
+        "none", description="none, hann, lanczos, nonneg (fixed, never negative) or auto (weakest)"
+    )
+    target: Literal["radiance", "irradiance"] = Field(
+        "irradiance", description="what must not become negative: for diffuse surfaces the irradiance is enough"
+    )
+    width: float | None = Field(
+        None, gt=0, description="hann and lanczos: degree at which the window reaches zero; default: bands"
+    )
+    smoothing_seconds: float = Field(
+        0.25, ge=0, le=60, description="auto: time constant with which the window relaxes, seconds"
+    )
+
+
+class FilterSettings(Settings):
+    """Temporal filter (MATHS §5, equation 13 of paper 003)."""
+
+    kind: FilterKind = Field(
+        "tau", description="none, alpha (paper 003), tau (independent of frame rate), one-euro or kalman"
+    )
+    tau_seconds: float = Field(0.1, ge=0, le=60, description="tau: time constant, seconds")
+    alpha: float = Field(1.0, ge=0, le=1000, description="alpha: weight of the previous output (mean delay in frames)")
+    min_cutoff_hz: float = Field(0.5, gt=0, le=1000, description="one-euro: cut-off at rest, hertz")
+    beta: float = Field(0.4, ge=0, le=1000, description="one-euro: how much relative speed raises the cut-off")
+    process_noise: float = Field(0.01, gt=0, description="kalman: relative variance gained per second")
+    measurement_noise: float = Field(0.001, gt=0, description="kalman: relative variance of one frame")
+    cut_threshold: float = Field(
+        0.0, ge=0, description="start anew where a frame differs by more than this share of the light; 0: never"
+    )
+    max_gap_seconds: float = Field(1.0, gt=0, description="start anew after a gap longer than this, seconds")
+
+
+class BackdropSettings(Settings):
+    """Picture of the surroundings that goes beside the coefficients (WEB.md §5)."""
+
+    enabled: bool = Field(True, description="send a backdrop")
+    fps: float = Field(10.0, gt=0, le=120, description="pictures per second")
+    width: int = Field(512, ge=16, le=4096, description="width in pixels; the height is half of it")
+    quality: int = Field(90, ge=10, le=100, description="JPEG quality")
+
+
+class StreamSettings(Settings):
+    """Everything that one stream does with its source."""
+
+    source: str = Field(description="source URL: exr:…, video:…, synthetic:…")
+    mapping: MappingSettings = MappingSettings()
+    bands: int = Field(
+        DEFAULT_BANDS, ge=1, le=MAX_STREAM_BANDS, description="SH bands to project onto; bands² coefficients"
+    )
+    resolution: int = Field(
+        256, ge=0, le=8192, description="width in pixels to downsample to before projection; 0: project the whole frame"
+    )
+    downsample: Literal["area", "gaussian"] = Field(
+        "area", description="solid-angle-weighted area means, or the iterated Gaussian of paper 003"
+    )
+    weights: ProjectionWeights = Field(
+        "solid-angle", description="quadrature: solid-angle, paper (equation 12) or fejer"
+    )
+    gain: float = Field(1.0, gt=0, description="factor from sample to radiance")
+    units: Units = Field("relative", description="unit of radiance after the gain")
+    negatives: Literal["keep", "clamp"] = Field(
+        "keep", description="samples below zero: kept (unbiased noise) or clamped to zero"
+    )
+    window: WindowSettings = WindowSettings()
+    filter: FilterSettings = FilterSettings()
+    backdrop: BackdropSettings = BackdropSettings()
+    enabled: bool = Field(True, description="run this stream's ingest worker beside the server")

@@ -1,0 +1,1 @@
+"""The service: API, hub, web page, supervisor and command line."""

@@ -1,0 +1,50 @@
+"""The ``lightwell`` command: one module a command, imported here, heavy imports inside the functions."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from lightwell._version import __version__
+from lightwell.errors import LightwellError
+from lightwell_server.cli.demo import demo
+from lightwell_server.cli.doctor import doctor
+from lightwell_server.cli.ingest import ingest
+from lightwell_server.cli.project import project
+from lightwell_server.cli.serve import serve
+from lightwell_server.cli.watch import watch
+
+app = typer.Typer(
+    name="lightwell",
+    help="Captures real light and serves it live.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"lightwell {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: bool = typer.Option(False, "--version", callback=_print_version, is_eager=True, help="Print the version."),
+) -> None:
+    """Capture real light and serve it live."""
+
+
+for command in (serve, demo, ingest, watch, project, doctor):
+    app.command()(command)
+
+
+def main() -> None:
+    """Run the command line; an error that the user can mend is one line on standard error and exit status 1."""
+    try:
+        app()
+    except LightwellError as error:
+        print(f"lightwell: {error}", file=sys.stderr)
+        sys.exit(1)

@@ -1,0 +1,1 @@
+"""The workers: capture-ingest, and the executors of long jobs."""
