@@ -24,6 +24,7 @@ Units
 
 from __future__ import annotations
 
+import math
 from typing import Literal, get_args
 
 import numpy as np
@@ -77,7 +78,7 @@ def order_of_index(bands: int) -> NDArray[np.int64]:
 
 def bands_of_count(count: int) -> int:
     """Return how many bands ``count`` coefficients make; a count that is no square raises ``ValueError``."""
-    bands = round(count**0.5)
+    bands = math.isqrt(max(count, 0))
     if bands < 1 or bands * bands != count:
         raise ValueError(f"{count} coefficients are not a whole number of bands (1, 4, 9, 16, 25, …)")
     return bands

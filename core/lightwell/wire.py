@@ -1,7 +1,7 @@
 """The messages of the live protocol, defined once (no sockets here).
 
-Every WebSocket message is one binary frame that holds one MessagePack map; its ``type`` names the message. The browser's
-types are generated from this module by ``lightwell_server.typescript``, and a test proves that they are fresh.
+Every WebSocket message is one binary frame that holds one MessagePack map; its ``type`` names the message. The
+browser's types are generated from this module by ``lightwell_server.typescript``; a test proves that they are fresh.
 
 Subscribe, ``WS /api/v1/streams/{name}/live``::
 
@@ -62,7 +62,7 @@ class WindowUsed(msgspec.Struct, kw_only=True):
     kind: str
     weights: list[float]
     strength: float = 0.0
-    """What the automatic search chose: λ of ``1/(1 + λ l²(l+1)²)``. 0 for the fixed windows and when nothing was needed."""
+    """λ of ``1/(1 + λ l²(l+1)²)`` that the automatic search chose; 0 for fixed windows and where none was needed."""
 
 
 class DominantLight(msgspec.Struct, kw_only=True):
@@ -193,13 +193,12 @@ class Hello(Message, tag="hello", kw_only=True):
 
 
 class Missed(Message, tag="missed", kw_only=True):
-    """This subscriber was too slow (or asked for fewer frames per second than it was sent) for ``count`` frames."""
+    """``count`` frames were overtaken by newer ones before this subscriber took them (``max_fps`` does not count)."""
 
     stream: str
     count: int
     total: int
     """Missed by this subscription so far."""
-    reason: Literal["slow", "max_fps"] = "slow"
 
 
 class Heartbeat(Message, tag="heartbeat", kw_only=True):
