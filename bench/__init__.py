@@ -1,0 +1,1 @@
+"""Measurements: one module a bench, each printing ratios against a baseline of the same run."""
