@@ -1,0 +1,1 @@
+"""Capture ingest: one process a stream that turns pictures of the light into coefficients and publishes them."""

@@ -1,0 +1,30 @@
+"""One captured frame, on its way from a source to the first stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.float16] | NDArray[np.float32]
+"""A picture in linear Rec. 709 RGB, ``(height, width, 3)``, C-contiguous."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """A picture and what its source knows about it."""
+
+    pixels: Pixels
+    name: str
+    """What the source calls it: a file name, a frame number."""
+    capture_time_ns: int
+    """When the light was captured, nanoseconds since the Unix epoch."""
+    ingest_time_ns: int
+    """When the worker had the whole frame."""
+    source_ms: float = 0.0
+    """What the source spent on reading or rendering it, milliseconds."""
+    truth: NDArray[np.float64] | None = None
+    """Exact coefficients in world axes, ``(bands², 3)``, where the source knows them."""
+    world_from_camera: NDArray[np.float64] | None = None
+    """Rotation from the mapping's axes to world axes while the camera turns, ``(3, 3)``; None: it does not turn."""

@@ -1,0 +1,199 @@
+"""Playing numbered pictures as a camera would deliver them: read ahead, paced, the newest first."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.errors import FrameError
+from lightwell_workers.ingest.frame import Frame, Pixels
+from lightwell_workers.ingest.sources.clock import Clock, SystemClock
+
+READERS = 2
+"""Pictures that are read at the same time: decoding releases the GIL and scales to two threads (DATA.md §3)."""
+
+NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """What a reader read."""
+
+    pixels: Pixels
+    name: str
+    capture_time_ns: int | None = None
+    """When it was captured, where the recording says so."""
+    truth: NDArray[np.float64] | None = None
+    world_from_camera: NDArray[np.float64] | None = None
+
+
+class EndOfRecordingError(Exception):
+    """There is no picture at this position and none behind it."""
+
+
+class Reader(Protocol):
+    """Pictures by position: 0, 1, 2, …"""
+
+    length: int | None
+    """How many positions there are; None where only reading tells (`EndOfRecordingError`), or there is no end."""
+    threads: int
+    """How many positions may be read at the same time; with 1 they are asked for in rising order."""
+
+    def read(self, position: int) -> Picture:
+        """Return the picture at ``position``; raises `FrameError` where it cannot be used."""
+
+    def close(self) -> None:
+        """Let go of files."""
+
+
+@dataclass(slots=True)
+class _Pending:
+    position: int
+    picture: Future[tuple[Picture, float]]
+
+
+class Playback:
+    """A source that plays a reader's pictures at a fixed rate.
+
+    In real time position ``p`` is due at ``start + p · interval``: deadlines are absolute, so lateness never adds up.
+    When several pictures are due, the newest that has been read is delivered and the ones before it are dropped and
+    counted. The capture time is the wall-clock time at which the picture was due.
+
+    As fast as possible (``realtime=False``) every picture is delivered, and the capture time is the recording's own
+    or, where it has none, the start plus ``p · interval``.
+    """
+
+    def __init__(
+        self, url: str, reader: Reader, interval_ns: int, *, realtime: bool, clock: Clock | None = None
+    ) -> None:
+        self.url = url
+        self.is_live = realtime
+        self._reader = reader
+        self._interval_ns = interval_ns
+        self._clock: Clock = clock or SystemClock()
+        self._closed = threading.Event()
+        self._dropped = 0
+        self._length = reader.length
+
+    @property
+    def frames_dropped(self) -> int:
+        """Pictures that were overtaken by a newer one."""
+        return self._dropped
+
+    def close(self) -> None:
+        """End the iteration, also while it waits."""
+        self._closed.set()
+
+    def __enter__(self) -> Self:
+        """Return the source."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    def __iter__(self) -> Iterator[Frame | FrameError]:
+        """Yield the frames."""
+        pool = ThreadPoolExecutor(self._reader.threads, thread_name_prefix="source")
+        try:
+            yield from self._play_live(pool) if self.is_live else self._play_all(pool)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+            self._reader.close()
+
+    def _play_all(self, pool: ThreadPoolExecutor) -> Iterator[Frame | FrameError]:
+        start_ns = self._clock.wall_ns()
+        pending: deque[_Pending] = deque()
+        position = 0
+        while not self._closed.is_set():
+            while len(pending) < self._reader.threads and self._exists(position):
+                pending.append(self._submit(pool, position))
+                position += 1
+            if not pending:
+                return
+            taken = pending.popleft()
+            try:
+                picture, source_ms = taken.picture.result()
+            except EndOfRecordingError:
+                return
+            except FrameError as error:
+                yield error
+                continue
+            capture_ns = picture.capture_time_ns or start_ns + taken.position * self._interval_ns
+            yield _frame(picture, source_ms, capture_ns, self._clock.wall_ns())
+
+    def _play_live(self, pool: ThreadPoolExecutor) -> Iterator[Frame | FrameError]:
+        pending: deque[_Pending] = deque()
+        position = 0
+        start_ns: int | None = None  # the first picture is due as soon as it has been read
+        while not self._closed.is_set():
+            newest_due = 0 if start_ns is None else (self._clock.steady_ns() - start_ns) // self._interval_ns
+            if self._length is not None:
+                newest_due = min(newest_due, self._length - 1)
+            if position < newest_due:
+                self._dropped += newest_due - position
+                position = newest_due
+            while len(pending) < self._reader.threads and self._exists(position):
+                pending.append(self._submit(pool, position))
+                position += 1
+            if not pending:
+                return
+
+            ready = [i for i, p in enumerate(pending) if p.position <= newest_due and p.picture.done()]
+            if not ready:
+                due = [p.picture for p in pending if p.position <= newest_due]
+                if due:
+                    wait(due, timeout=self._interval_ns / NANOSECONDS, return_when=FIRST_COMPLETED)
+                elif start_ns is not None:
+                    self._clock.wait_until(start_ns + pending[0].position * self._interval_ns, self._closed)
+                continue
+            if start_ns is None:
+                start_ns = self._clock.steady_ns()
+            for _ in range(ready[-1]):
+                pending.popleft().picture.cancel()
+                self._dropped += 1
+            taken = pending.popleft()
+            try:
+                picture, source_ms = taken.picture.result()
+            except EndOfRecordingError:
+                return
+            except FrameError as error:
+                yield error
+                continue
+            due_ns = start_ns + taken.position * self._interval_ns
+            wall_ns = self._clock.wall_ns()
+            yield _frame(picture, source_ms, wall_ns - (self._clock.steady_ns() - due_ns), wall_ns)
+
+    def _exists(self, position: int) -> bool:
+        return self._length is None or position < self._length
+
+    def _submit(self, pool: ThreadPoolExecutor, position: int) -> _Pending:
+        return _Pending(position, pool.submit(self._read, position))
+
+    def _read(self, position: int) -> tuple[Picture, float]:
+        started_ns = time.perf_counter_ns()
+        picture = self._reader.read(position)
+        return picture, (time.perf_counter_ns() - started_ns) / 1e6
+
+
+def _frame(picture: Picture, source_ms: float, capture_time_ns: int, ingest_time_ns: int) -> Frame:
+    return Frame(
+        pixels=picture.pixels,
+        name=picture.name,
+        capture_time_ns=capture_time_ns,
+        ingest_time_ns=ingest_time_ns,
+        source_ms=source_ms,
+        truth=picture.truth,
+        world_from_camera=picture.world_from_camera,
+    )
