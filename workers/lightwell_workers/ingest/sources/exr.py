@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from lightwell.errors import FrameError, SourceError
 from lightwell.io.exr import read_rgb
+from pydantic import Field
+
+from lightwell.errors import FrameError, SourceError
 from lightwell.settings import Settings
 from lightwell_workers.ingest.sources.clock import Clock
 from lightwell_workers.ingest.sources.playback import NANOSECONDS, READERS, Picture, Playback
 from lightwell_workers.ingest.sources.sequence import SequenceEntry, find_sequence
 from lightwell_workers.ingest.sources.url import SourceUrl, parse_options
-from pydantic import Field
 
 
 class ExrOptions(Settings):

@@ -41,7 +41,7 @@ class EndOfRecordingError(Exception):
 
 
 class Reader(Protocol):
-    """Pictures by position: 0, 1, 2, …"""
+    """Pictures by position, counted from 0."""
 
     length: int | None
     """How many positions there are; None where only reading tells (`EndOfRecordingError`), or there is no end."""

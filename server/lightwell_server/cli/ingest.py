@@ -1,0 +1,190 @@
+"""``lightwell ingest``: one capture-ingest worker, on this or another machine."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from typing import Annotated, Any
+
+import typer
+from pydantic import BaseModel, ValidationError
+from typer.models import OptionInfo
+
+from lightwell.errors import LightwellError
+from lightwell.settings import (
+    BackdropSettings,
+    FilterKind,
+    FilterSettings,
+    MappingName,
+    MappingSettings,
+    ProjectionWeights,
+    StreamSettings,
+    WindowKind,
+    WindowSettings,
+)
+
+
+def _help(model: type[BaseModel], field: str) -> str:
+    info = model.model_fields[field]
+    default = "" if info.default is None or info.is_required() else f" (default {info.default})"
+    return f"{info.description}{default}"
+
+
+def _option(model: type[BaseModel], field: str, *names: str) -> OptionInfo:
+    option: OptionInfo = typer.Option(*names, help=_help(model, field), show_default=False)
+    return option
+
+
+def ingest(
+    source: Annotated[str | None, typer.Argument(help=_help(StreamSettings, "source"))] = None,
+    stream: Annotated[str, typer.Option(help="name of the stream")] = "camera",
+    server: Annotated[str, typer.Option(help="URL of the server")] = "http://127.0.0.1:8400",
+    token: Annotated[str | None, typer.Option(envvar="LIGHTWELL_TOKEN", help="the server's token")] = None,
+    settings: Annotated[
+        str | None,
+        typer.Option(envvar="LIGHTWELL_STREAM_SETTINGS", help="settings as JSON; the other options change single ones"),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="print one status a line as JSON, and log as JSON")] = False,
+    # how the picture covers the sphere
+    mapping: Annotated[MappingName | None, _option(MappingSettings, "kind", "--mapping")] = None,
+    forward: Annotated[str | None, _option(MappingSettings, "forward", "--forward")] = None,
+    up: Annotated[str | None, _option(MappingSettings, "up", "--up")] = None,
+    fov_degrees: Annotated[float | None, _option(MappingSettings, "fov_degrees")] = None,
+    fisheye: Annotated[str | None, _option(MappingSettings, "fisheye")] = None,
+    sphere_radius_m: Annotated[float | None, _option(MappingSettings, "sphere_radius_m")] = None,
+    sphere_distance_m: Annotated[float | None, _option(MappingSettings, "sphere_distance_m")] = None,
+    disc: Annotated[str | None, _option(MappingSettings, "disc")] = None,
+    blind: Annotated[str | None, _option(MappingSettings, "blind")] = None,
+    # from pictures to coefficients
+    bands: Annotated[int | None, _option(StreamSettings, "bands")] = None,
+    resolution: Annotated[int | None, _option(StreamSettings, "resolution")] = None,
+    downsample: Annotated[str | None, _option(StreamSettings, "downsample")] = None,
+    weights: Annotated[ProjectionWeights | None, _option(StreamSettings, "weights")] = None,
+    gain: Annotated[float | None, _option(StreamSettings, "gain")] = None,
+    units: Annotated[str | None, _option(StreamSettings, "units")] = None,
+    negatives: Annotated[str | None, _option(StreamSettings, "negatives")] = None,
+    # window
+    window: Annotated[WindowKind | None, _option(WindowSettings, "kind", "--window")] = None,
+    window_target: Annotated[str | None, _option(WindowSettings, "target", "--window-target")] = None,
+    window_width: Annotated[float | None, _option(WindowSettings, "width", "--window-width")] = None,
+    window_smoothing_seconds: Annotated[
+        float | None, _option(WindowSettings, "smoothing_seconds", "--window-smoothing-seconds")
+    ] = None,
+    # filter
+    filter_kind: Annotated[FilterKind | None, _option(FilterSettings, "kind", "--filter")] = None,
+    tau_seconds: Annotated[float | None, _option(FilterSettings, "tau_seconds")] = None,
+    alpha: Annotated[float | None, _option(FilterSettings, "alpha")] = None,
+    min_cutoff_hz: Annotated[float | None, _option(FilterSettings, "min_cutoff_hz")] = None,
+    beta: Annotated[float | None, _option(FilterSettings, "beta")] = None,
+    process_noise: Annotated[float | None, _option(FilterSettings, "process_noise")] = None,
+    measurement_noise: Annotated[float | None, _option(FilterSettings, "measurement_noise")] = None,
+    cut_threshold: Annotated[float | None, _option(FilterSettings, "cut_threshold")] = None,
+    max_gap_seconds: Annotated[float | None, _option(FilterSettings, "max_gap_seconds")] = None,
+    # backdrop
+    backdrop: Annotated[bool | None, _option(BackdropSettings, "enabled", "--backdrop/--no-backdrop")] = None,
+    backdrop_fps: Annotated[float | None, _option(BackdropSettings, "fps", "--backdrop-fps")] = None,
+    backdrop_width: Annotated[int | None, _option(BackdropSettings, "width", "--backdrop-width")] = None,
+    backdrop_quality: Annotated[int | None, _option(BackdropSettings, "quality", "--backdrop-quality")] = None,
+) -> None:
+    """Capture light from SOURCE, turn it into coefficients and publish them as a stream.
+
+    Exit status: 0 when the recording is through or the worker was asked to stop, 1 when the source failed, 3 when the
+    server refuses the worker.
+    """
+    import msgspec
+
+    from lightwell.wire import StreamStatus
+    from lightwell_workers.ingest.log import configure_logging
+    from lightwell_workers.ingest.worker import run_worker
+
+    changes: dict[str, Any] = {
+        "source": source,
+        "bands": bands,
+        "resolution": resolution,
+        "downsample": downsample,
+        "weights": weights,
+        "gain": gain,
+        "units": units,
+        "negatives": negatives,
+        "mapping": {
+            "kind": mapping,
+            "forward": _vector("--forward", forward),
+            "up": _vector("--up", up),
+            "fov_degrees": fov_degrees,
+            "fisheye": fisheye,
+            "sphere_radius_m": sphere_radius_m,
+            "sphere_distance_m": sphere_distance_m,
+            "disc": _vector("--disc", disc),
+            "blind": blind,
+        },
+        "window": {
+            "kind": window,
+            "target": window_target,
+            "width": window_width,
+            "smoothing_seconds": window_smoothing_seconds,
+        },
+        "filter": {
+            "kind": filter_kind,
+            "tau_seconds": tau_seconds,
+            "alpha": alpha,
+            "min_cutoff_hz": min_cutoff_hz,
+            "beta": beta,
+            "process_noise": process_noise,
+            "measurement_noise": measurement_noise,
+            "cut_threshold": cut_threshold,
+            "max_gap_seconds": max_gap_seconds,
+        },
+        "backdrop": {
+            "enabled": backdrop,
+            "fps": backdrop_fps,
+            "width": backdrop_width,
+            "quality": backdrop_quality,
+        },
+    }
+
+    def print_status(status: StreamStatus) -> None:
+        print(msgspec.json.encode(status).decode(), flush=True)
+
+    configure_logging(json=json)
+    chosen = stream_settings(settings, changes)
+    sys.exit(run_worker(chosen, stream, server, token, on_status=print_status if json else None))
+
+
+def stream_settings(document: str | None, changes: dict[str, Any]) -> StreamSettings:
+    """Return the settings of a JSON ``document`` (None: the defaults) with those ``changes`` that are not None.
+
+    Raises
+    ------
+    LightwellError
+        Names the setting that is missing, unknown or out of bounds.
+    """
+    try:
+        before = {} if document is None else json_module.loads(document)
+        return StreamSettings.model_validate(_changed(before, changes))
+    except json_module.JSONDecodeError as error:
+        raise LightwellError(f"LIGHTWELL_STREAM_SETTINGS is no JSON: {error}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"])
+        if name == "source":
+            raise LightwellError("name a source: exr:FOLDER, video:FILE or synthetic:room") from None
+        raise LightwellError(f"setting {name}: {first['msg']}") from None
+
+
+def _changed(before: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    after = dict(before)
+    for name, value in changes.items():
+        if isinstance(value, dict):
+            after[name] = _changed(before.get(name, {}), value)
+        elif value is not None:
+            after[name] = value
+    return after
+
+
+def _vector(option: str, text: str | None) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise LightwellError(f"{option} {text!r}: give numbers with commas between them, such as 0,0,-1") from None

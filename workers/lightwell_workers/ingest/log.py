@@ -1,0 +1,34 @@
+"""How a worker logs: structured lines on standard error."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+import structlog
+
+
+def configure_logging(*, json: bool) -> None:
+    """Log to standard error, as JSON lines or as text for people; call once, at the start of the process.
+
+    The logger's name is the stage.
+    """
+    renderer: structlog.typing.Processor = (
+        structlog.processors.JSONRenderer() if json else structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty())
+    )
+    structlog.configure(
+        processors=[
+            structlog.contextvars.merge_contextvars,
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            renderer,
+        ],
+        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
+        logger_factory=structlog.PrintLoggerFactory(file=sys.stderr),
+    )
+
+
+def stage_logger(stage: str) -> structlog.typing.FilteringBoundLogger:
+    """Return the logger of one stage: its name is a field of every line."""
+    logger: structlog.typing.FilteringBoundLogger = structlog.get_logger(stage=stage)
+    return logger

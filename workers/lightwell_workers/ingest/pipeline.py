@@ -1,0 +1,168 @@
+"""From a source's frames to the publisher's messages.
+
+Three kinds of threads::
+
+    capture    pulls frames from the source in order, checks their size, hands them to a reducer
+    reducers   merge → map → downsample → project, two frames at a time, in any order
+    finish     window → filter → publish, in the order of the frames
+
+A frame is pulled only when a reducer is free: a live source then delivers the newest frame there is, and a recording
+of which every frame counts waits. What happens to frames is counted in `Counters`.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Protocol
+
+from lightwell import wire
+from lightwell.errors import FrameError
+from lightwell.settings import StreamSettings
+from lightwell_workers.ingest.frame import Frame
+from lightwell_workers.ingest.log import stage_logger
+from lightwell_workers.ingest.sources.base import Source
+from lightwell_workers.ingest.stages.backdrop import BackdropStage
+from lightwell_workers.ingest.stages.finish import Finisher
+from lightwell_workers.ingest.stages.map import GeometryCache, SizeGate
+from lightwell_workers.ingest.stages.reduce import Reduced, reduce_frame
+
+REDUCERS = 2
+"""Frames that are reduced at the same time; the kernels release the GIL."""
+
+
+class Sink(Protocol):
+    """Takes what the pipeline makes."""
+
+    def publish(self, frame: wire.Frame) -> None:
+        """Take a frame; may wait where every frame counts."""
+
+    def show(self, backdrop: wire.Backdrop) -> None:
+        """Take a backdrop."""
+
+
+@dataclass(slots=True)
+class Counters:
+    """What has happened to frames so far."""
+
+    frames_in: int = 0
+    frames_finished: int = 0
+    frames_skipped: int = 0
+    nan_samples: int = 0
+    infinite_samples: int = 0
+    negative_samples: int = 0
+    last_error: str = ""
+    last_frame_time_ns: int = 0
+
+
+class Pipeline:
+    """Runs the stages on the frames of one source."""
+
+    def __init__(self, source: Source, settings: StreamSettings, stream: str, session: str, sink: Sink) -> None:
+        self.counters = Counters()
+        self.settings = settings
+        """Those for the frames that come next; replaced as a whole, by `configure` alone."""
+        self._source = source
+        self._sink = sink
+        self._geometries = GeometryCache()
+        self._size_gate = SizeGate()
+        self._finisher = Finisher(stream, session)
+        self._backdrop = BackdropStage(stream, session, sink.show)
+        self._bad_frames = BadFrames()
+        self._free_reducers = threading.Semaphore(REDUCERS)
+        self._in_order: queue.SimpleQueue[Future[Reduced] | None] = queue.SimpleQueue()
+        self._failure: Exception | None = None
+
+    def configure(self, settings: StreamSettings) -> None:
+        """Use other settings from the next frame on; source and mapping must be the same as before.
+
+        The tables are made here, on the caller's thread, so that the stream does not wait for them.
+
+        Raises
+        ------
+        LightwellError
+            Where the settings do not suit the stream's pictures; nothing has changed then.
+        """
+        if self._size_gate.size is not None:
+            self._geometries.get(settings, *self._size_gate.size)
+        self.settings = settings
+
+    def run(self) -> None:
+        """Run until the source ends or is closed; then every frame that came has been given to the sink.
+
+        Raises
+        ------
+        MappingError
+            Where the pictures cannot belong to the stream's mapping.
+        """
+        finishing = threading.Thread(target=self._finish_frames, name="finish", daemon=True)
+        finishing.start()
+        try:
+            with ThreadPoolExecutor(REDUCERS, thread_name_prefix="reduce") as reducers:
+                self._capture(reducers)
+        finally:
+            self._in_order.put(None)
+            finishing.join()
+            self._backdrop.close()
+        if self._failure is not None:
+            raise self._failure
+
+    def _capture(self, reducers: ThreadPoolExecutor) -> None:
+        frames = iter(self._source)
+        while True:
+            self._free_reducers.acquire()
+            item = next(frames, None)
+            if item is None or self._failure is not None:
+                return
+            self.counters.frames_in += 1
+            error = item if isinstance(item, FrameError) else self._size_gate.refusal(item)
+            if isinstance(item, Frame) and error is None:
+                self._in_order.put(reducers.submit(reduce_frame, item, self.settings, self._geometries))
+            elif error is not None:
+                self._skip(error)
+                self._free_reducers.release()
+
+    def _finish_frames(self) -> None:
+        while (future := self._in_order.get()) is not None:
+            try:
+                self._finish(future.result())
+            except Exception as error:  # ends the pipeline: `run` raises it
+                self._failure = error
+                self._source.close()
+            finally:
+                self._free_reducers.release()
+
+    def _finish(self, reduced: Reduced) -> None:
+        message = self._finisher.finish(reduced)
+        self._sink.publish(message)
+        self._backdrop.offer(reduced)
+        counters, counts = self.counters, reduced.counts
+        counters.frames_finished += 1
+        counters.nan_samples += counts.nan
+        counters.infinite_samples += counts.infinite
+        counters.negative_samples += counts.negative
+        counters.last_frame_time_ns = time.time_ns()
+
+    def _skip(self, error: FrameError) -> None:
+        self.counters.frames_skipped += 1
+        self.counters.last_error = str(error)
+        self._bad_frames.report(error)
+
+
+class BadFrames:
+    """Logs each bad frame once, also when a recording loops over it."""
+
+    def __init__(self) -> None:
+        self._reported: set[tuple[str, str]] = set()
+        self._lock = threading.Lock()
+
+    def report(self, error: FrameError) -> None:
+        """Log the frame's name and the reason, the first time."""
+        with self._lock:
+            if (error.frame, error.reason) in self._reported:
+                return
+            self._reported.add((error.frame, error.reason))
+        stage_logger("source").warning("frame skipped", frame=error.frame, reason=error.reason)

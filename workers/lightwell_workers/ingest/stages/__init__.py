@@ -1,0 +1,1 @@
+"""The stages between source and socket, in order: merge, map, downsample, project, window, filter, publish."""

@@ -1,0 +1,60 @@
+"""The stages that need no order: a frame goes in, its coefficients come out (merge, map, downsample, project)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.probe.samples import SampleCounts
+from lightwell.settings import StreamSettings
+from lightwell_workers.ingest.frame import Frame, Pixels
+from lightwell_workers.ingest.stages.map import Geometry, GeometryCache
+from lightwell_workers.ingest.stages.merge import merge
+from lightwell_workers.ingest.stages.timing import StageTimes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reduced:
+    """One frame after projection; no longer holds on to the source's picture except through ``pixels``."""
+
+    frame: Frame
+    settings: StreamSettings
+    """Those under which it was projected."""
+    pixels: Pixels
+    """The picture after merging."""
+    geometry: Geometry
+    coefficients: NDArray[np.float64]
+    """In the mapping's axes, ``(bands², 3)``, not windowed or filtered."""
+    counts: SampleCounts
+    times: StageTimes
+
+
+def reduce_frame(frame: Frame, settings: StreamSettings, geometries: GeometryCache) -> Reduced:
+    """Run the order-free stages on one frame; safe on several threads at once.
+
+    Raises
+    ------
+    MappingError
+        Where the picture's size cannot belong to the mapping.
+    """
+    times = StageTimes()
+    times.stage_ms["source"] = frame.source_ms
+    with times.measure("merge"):
+        pixels, counts = merge(frame.pixels, settings.negatives)
+    with times.measure("map"):
+        geometry = geometries.get(settings, pixels.shape[0], pixels.shape[1])
+    with times.measure("downsample"):
+        reduced = pixels if geometry.downsampler is None else geometry.downsampler(pixels)
+    with times.measure("project"):
+        coefficients = geometry.projector.project(reduced) * settings.gain
+    return Reduced(
+        frame=frame,
+        settings=settings,
+        pixels=pixels,
+        geometry=geometry,
+        coefficients=coefficients,
+        counts=counts,
+        times=times,
+    )
