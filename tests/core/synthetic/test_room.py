@@ -31,7 +31,7 @@ def test_truth_agrees_with_brute_force_quadrature(lights: int) -> None:
     radiance = room.radiance(directions, 1.3)
     brute = (evaluate(directions, 5) * weights[:, None]).T @ radiance
     truth = room.coefficients(5, 1.3)
-    assert np.linalg.norm(brute - truth) <= 1e-4 * np.linalg.norm(truth)  # walls meet at edges: the rule is O(1/n)
+    assert np.linalg.norm(brute - truth) <= 1e-3 * np.linalg.norm(truth)  # edges of the walls: the rule is O(1/n)
 
 
 def test_brute_force_converges_to_the_truth() -> None:
