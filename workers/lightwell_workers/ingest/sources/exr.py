@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from lightwell.io.exr import read_rgb
 from pydantic import Field
 
 from lightwell.errors import FrameError, SourceError
+from lightwell.io.exr import read_rgb
 from lightwell.settings import Settings
 from lightwell_workers.ingest.sources.clock import Clock
 from lightwell_workers.ingest.sources.playback import NANOSECONDS, READERS, Picture, Playback
