@@ -1,0 +1,110 @@
+"""Composition root: the parts are made here, once, and given to each other."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import structlog
+from fastapi import FastAPI
+from starlette.middleware.cors import CORSMiddleware
+
+from lightwell._version import __version__
+from lightwell_server import problems
+from lightwell_server.auth import Auth
+from lightwell_server.body_limit import BodyLimit
+from lightwell_server.catalogue import Catalogue
+from lightwell_server.config import Config
+from lightwell_server.hub import Hub
+from lightwell_server.metrics import Metrics
+from lightwell_server.routes import health, live, page, publish, streams
+from lightwell_server.services import Services
+from lightwell_server.session import new_session
+from lightwell_server.store import Store
+from lightwell_server.supervisor import Supervisor
+
+log = structlog.get_logger("server")
+
+API = "/api/v1"
+SWEEP_SECONDS = 0.25
+LOCAL_ORIGINS = r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"
+
+
+def create_app(config: Config, server_url: str, page_directory: Path | None = None) -> FastAPI:
+    """Return the application; its parts live from start-up to shut-down.
+
+    ``server_url`` is where the embedded workers find it. Raises `ConfigError` at start-up where the data directory
+    cannot be used.
+    """
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        async with _run(config, server_url) as parts:
+            app.state.services = parts
+            yield
+
+    app = FastAPI(
+        title="Lightwell",
+        version=__version__,
+        summary="Captures real light and serves it live as spherical harmonics",
+        openapi_url=f"{API}/openapi.json",
+        docs_url=None,
+        redoc_url=None,
+        lifespan=lifespan,
+    )
+    app.add_middleware(
+        CORSMiddleware,
+        allow_origins=list(config.server.allowed_origins),
+        allow_origin_regex=LOCAL_ORIGINS,
+        allow_methods=["GET", "POST", "PATCH", "DELETE"],
+        allow_headers=["Authorization", "Content-Type", "If-Match"],
+        expose_headers=["ETag", "Location"],
+    )
+    app.add_middleware(BodyLimit, limit=config.server.max_body_kb * 1024)
+    problems.install(app)
+    app.include_router(health.router)
+    for router in (streams.router, live.router, publish.router):
+        app.include_router(router, prefix=API)
+    page.install(app, page_directory or page.static_directory())
+    return app
+
+
+@contextlib.asynccontextmanager
+async def _run(config: Config, server_url: str) -> AsyncIterator[Services]:
+    """Make the parts, run what runs in the background, and take all of it down in order."""
+    session = new_session()
+    store = await asyncio.to_thread(Store, config.server.data_dir / "lightwell.sqlite")
+    auth = Auth(config.auth, config.server)
+    hub = Hub(config.hub, session)
+    supervisor = Supervisor(hub, config.supervisor, auth.worker_token)
+    supervisor.server_url = server_url
+    parts = Services(
+        config=config,
+        session=session,
+        auth=auth,
+        store=store,
+        hub=hub,
+        metrics=Metrics(hub, supervisor.restarts),
+        supervisor=supervisor,
+        catalogue=Catalogue(hub, store, supervisor, config.streams),
+    )
+    for warning in auth.warnings(config.server.host):
+        log.warning(warning, host=config.server.host)
+    parts.catalogue.load()
+    sweeping = asyncio.create_task(_sweep(hub))
+    try:
+        yield parts
+    finally:
+        sweeping.cancel()
+        hub.close()
+        await supervisor.close()
+        await asyncio.to_thread(store.close)
+
+
+async def _sweep(hub: Hub) -> None:
+    while True:
+        await asyncio.sleep(SWEEP_SECONDS)
+        hub.sweep(time.monotonic(), time.time_ns())

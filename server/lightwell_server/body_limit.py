@@ -1,0 +1,51 @@
+"""Refuses HTTP bodies that are larger than anything the API takes, before they are held in memory."""
+
+from __future__ import annotations
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from lightwell_server.problems import Problem, respond
+
+
+class _TooLarge(Exception):  # noqa: N818, never leaves this module
+    pass
+
+
+class BodyLimit:
+    """ASGI middleware that answers 413 as soon as a body is known to be longer than ``limit`` bytes."""
+
+    def __init__(self, app: ASGIApp, limit: int) -> None:
+        self._app = app
+        self._limit = limit
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one connection."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        problem = Problem(413, "body-too-large", f"the body may have at most {self._limit} bytes")
+        announced = dict(scope["headers"]).get(b"content-length", b"0")
+        if announced.isdigit() and int(announced) > self._limit:
+            await respond(problem, scope["path"])(scope, receive, send)
+            return
+        received = 0
+        started = False
+
+        async def limited_receive() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > self._limit:
+                raise _TooLarge
+            return message
+
+        async def noted_send(message: Message) -> None:
+            nonlocal started
+            started = True
+            await send(message)
+
+        try:
+            await self._app(scope, limited_receive, noted_send)
+        except _TooLarge:
+            if not started:
+                await respond(problem, scope["path"])(scope, receive, send)

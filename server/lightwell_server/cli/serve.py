@@ -1,0 +1,25 @@
+"""``lightwell serve``: the daemon."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+
+def serve(
+    config: Path | None = typer.Option(None, "--config", help="TOML file (default: lightwell.toml, if there is one)."),
+    host: str | None = typer.Option(None, help="Address to listen on (default: 127.0.0.1)."),
+    port: int | None = typer.Option(None, min=0, max=65535, help="TCP port (default: 8400; 0: a free one)."),
+    data: Path | None = typer.Option(None, help="Folder for what must survive a restart (default: data)."),
+) -> None:
+    """Serve the API, the live streams and the web page; run one ingest worker a stream."""
+    from lightwell_server import logs
+    from lightwell_server.config import load_config
+    from lightwell_server.runner import Server
+
+    settings = load_config(config, {"host": host, "port": port, "data_dir": data})
+    logs.configure(settings.log)
+    server = Server(settings)
+    print(f"Lightwell serves {server.url}", flush=True)
+    server.run()

@@ -1,0 +1,60 @@
+"""What a worker's message must be beyond its types: the numbers in it, and whose it is. No sockets."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lightwell.conventions import coefficient_count
+from lightwell.wire import Backdrop, DominantLight, Frame, StreamStatus
+
+FLOAT_BYTES = 4
+
+
+def check_message(message: Frame | Backdrop | StreamStatus, stream: str, session: str) -> None:
+    """Let a message of this stream and session pass.
+
+    Raises
+    ------
+    ValueError
+        Says what is wrong and what was expected.
+    """
+    if message.stream != stream:
+        raise ValueError(f"the message is of stream {message.stream[:63]!r}, the socket is of {stream!r}")
+    if message.session != session:
+        raise ValueError(f"the message is of session {message.session[:32]!r}, announced was {session[:32]!r}")
+    match message:
+        case Frame():
+            _check_frame(message)
+        case Backdrop():
+            if not message.jpeg.startswith(b"\xff\xd8"):
+                raise ValueError("the backdrop is no JPEG")
+        case StreamStatus():
+            pass
+
+
+def _check_frame(frame: Frame) -> None:
+    if frame.convention != "lightwell":
+        raise ValueError(f"convention {frame.convention!r}: workers publish 'lightwell', the server converts")
+    _check_floats("coefficients", frame.coefficients, coefficient_count(frame.bands) * 3)
+    if frame.truth is not None:
+        _check_floats("truth", frame.truth, coefficient_count(frame.bands) * 3)
+    if frame.gradients is not None:
+        _check_floats("gradients", frame.gradients, coefficient_count(frame.bands) * 9)
+    if len(frame.window.weights) != frame.bands or not all(map(math.isfinite, frame.window.weights)):
+        raise ValueError(f"window.weights must be {frame.bands} finite numbers, one a band")
+    if frame.dominant is not None:
+        _check_dominant(frame.dominant)
+
+
+def _check_floats(name: str, packed: bytes, count: int) -> None:
+    if len(packed) != count * FLOAT_BYTES:
+        raise ValueError(f"{name} must be {count * FLOAT_BYTES} bytes ({count} float32), not {len(packed)}")
+    if not np.isfinite(np.frombuffer(packed, dtype="<f4")).all():
+        raise ValueError(f"{name} must be finite, not NaN or infinite")
+
+
+def _check_dominant(light: DominantLight) -> None:
+    if not all(map(math.isfinite, (*light.direction, *light.irradiance, *light.ambient))):
+        raise ValueError("dominant must be finite, not NaN or infinite")

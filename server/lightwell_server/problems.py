@@ -1,0 +1,133 @@
+"""Problem documents (RFC 9457): every error of the HTTP API has this one shape.
+
+``type`` is a URN that programs compare, ``title`` the same for every problem of a type, ``detail`` says what happened
+here and what to do about it. A problem about input lists each mistake in ``errors``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from http import HTTPStatus
+from typing import Any
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
+from pydantic_core import ErrorDetails
+from starlette.exceptions import HTTPException
+
+from lightwell_server.config import complaint
+
+MEDIA_TYPE = "application/problem+json"
+
+log = structlog.get_logger("http")
+
+
+class FieldError(BaseModel):
+    """One mistake in a request."""
+
+    field: str = Field(description="dotted path of the value, such as settings.bands")
+    message: str = Field(description="what was given and what it should be")
+
+
+class ProblemDocument(BaseModel):
+    """Body of every error response."""
+
+    type: str = Field(description="URN of the kind of problem")
+    title: str
+    status: int
+    detail: str = Field(description="what happened, and the remedy")
+    instance: str | None = Field(None, description="path of the request")
+    errors: list[FieldError] | None = Field(None, description="one entry for each mistake in the input")
+
+
+class Problem(Exception):  # noqa: N818 (RFC 9457's own word)
+    """An error that is answered with a problem document."""
+
+    def __init__(
+        self,
+        status: int,
+        kind: str,
+        detail: str,
+        *,
+        errors: Sequence[FieldError] | None = None,
+        headers: dict[str, str] | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.kind = kind
+        self.detail = detail
+        self.errors = errors
+        self.headers = headers
+
+    def document(self, instance: str | None = None) -> dict[str, Any]:
+        """Return the document as JSON-ready values."""
+        document = ProblemDocument(
+            type=f"urn:lightwell:problem:{self.kind}",
+            title=HTTPStatus(self.status).phrase,
+            status=self.status,
+            detail=self.detail,
+            instance=instance,
+            errors=list(self.errors) if self.errors else None,
+        )
+        return document.model_dump(exclude_none=True)
+
+
+def invalid_input(errors: Sequence[ErrorDetails], prefix: Sequence[str] = ()) -> Problem:
+    """Return the 422 problem for pydantic's errors: field, value and remedy of each."""
+    fields = [
+        FieldError(
+            field=".".join(str(part) for part in (*prefix, *item["loc"]) if part != "[key]"),
+            message=complaint(item).lstrip("= "),
+        )
+        for item in errors
+    ]
+    detail = "; ".join(f"{item.field}: {item.message}" for item in fields)
+    return Problem(422, "invalid-input", detail, errors=fields)
+
+
+def respond(problem: Problem, instance: str | None = None) -> JSONResponse:
+    """Return the response that carries a problem."""
+    return JSONResponse(
+        problem.document(instance), status_code=problem.status, media_type=MEDIA_TYPE, headers=problem.headers
+    )
+
+
+def install(app: FastAPI) -> None:
+    """Make every error of the application a problem document."""
+
+    async def on_problem(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, Problem)
+        return respond(error, request.url.path)
+
+    async def on_http(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        match error.status_code:
+            case 404:
+                kind, detail = "not-found", f"there is nothing at {request.url.path}"
+            case 405:
+                allowed = (error.headers or {}).get("Allow", "")
+                kind, detail = "method-not-allowed", f"{request.method} is not possible here; allowed: {allowed}"
+            case _:
+                kind, detail = "http", str(error.detail)
+        headers = dict(error.headers) if error.headers else None
+        return respond(Problem(error.status_code, kind, detail, headers=headers), request.url.path)
+
+    async def on_invalid(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)
+        if any(item["type"] == "json_invalid" for item in error.errors()):
+            reason = error.errors()[0]["ctx"]["error"]
+            return respond(Problem(400, "invalid-json", f"the body is no valid JSON: {reason}"), request.url.path)
+        items = [item | {"loc": item["loc"][1:]} for item in error.errors()]
+        return respond(invalid_input(items), request.url.path)
+
+    async def on_crash(request: Request, error: Exception) -> JSONResponse:
+        log.error("request failed", path=request.url.path, error=repr(error))
+        return respond(Problem(500, "internal", "the server made a mistake; its log says more"), request.url.path)
+
+    app.add_exception_handler(Problem, on_problem)
+    app.add_exception_handler(HTTPException, on_http)
+    app.add_exception_handler(RequestValidationError, on_invalid)
+    app.add_exception_handler(Exception, on_crash)

@@ -1,0 +1,83 @@
+"""Streams that were created or changed through the API, in a SQLite file that survives a restart.
+
+A row holds the whole settings of one stream. It wins over the stream of that name in the configuration file, until it
+is deleted. Writes are transactions in write-ahead mode; a server that is killed loses none that was answered.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from lightwell_server.config import ConfigError
+
+SCHEMA_VERSION = 1
+
+
+class StoredStream(NamedTuple):
+    """One row."""
+
+    settings: str
+    """`lightwell.settings.StreamSettings` as JSON."""
+    revision: int
+    """Counts the changes, from 1."""
+
+
+class Store:
+    """The file; safe to use from several threads."""
+
+    def __init__(self, path: Path) -> None:
+        self._lock = threading.Lock()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        except (OSError, sqlite3.Error) as error:
+            raise ConfigError(f"{path}: cannot be opened: {error}; give another folder with --data") from None
+        try:
+            self._prepare(path)
+        except sqlite3.Error as error:
+            self._connection.close()
+            raise ConfigError(f"{path}: is no usable database: {error}; move it away to start anew") from None
+        except ConfigError:
+            self._connection.close()
+            raise
+
+    def _prepare(self, path: Path) -> None:
+        self._connection.execute("PRAGMA journal_mode=WAL")
+        self._connection.execute("PRAGMA synchronous=FULL")
+        (version,) = self._connection.execute("PRAGMA user_version").fetchone()
+        if version > SCHEMA_VERSION:
+            raise ConfigError(f"{path}: was written by a newer Lightwell; update, or give another folder with --data")
+        self._connection.execute(
+            "CREATE TABLE IF NOT EXISTS streams"
+            " (name TEXT PRIMARY KEY, settings TEXT NOT NULL, revision INTEGER NOT NULL, changed_ns INTEGER NOT NULL)"
+        )
+        self._connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
+
+    def all(self) -> dict[str, StoredStream]:
+        """Return the streams by name."""
+        with self._lock:
+            rows = self._connection.execute("SELECT name, settings, revision FROM streams ORDER BY name").fetchall()
+        return {name: StoredStream(settings, revision) for name, settings, revision in rows}
+
+    def put(self, name: str, settings: str, revision: int) -> None:
+        """Keep the settings of a stream."""
+        with self._lock:
+            self._connection.execute(
+                "INSERT INTO streams VALUES (?, ?, ?, ?) ON CONFLICT (name) DO UPDATE SET"
+                " settings = excluded.settings, revision = excluded.revision, changed_ns = excluded.changed_ns",
+                (name, settings, revision, time.time_ns()),
+            )
+
+    def delete(self, name: str) -> None:
+        """Forget a stream; nothing happens where there is none."""
+        with self._lock:
+            self._connection.execute("DELETE FROM streams WHERE name = ?", (name,))
+
+    def close(self) -> None:
+        """Close the file."""
+        with self._lock:
+            self._connection.close()

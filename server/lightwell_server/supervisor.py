@@ -1,0 +1,254 @@
+"""One ingest process for each enabled stream, kept alive.
+
+A process that ends is started again after a pause that doubles while it keeps failing. A process whose frames stop is
+ended and started again; a new one has longer for its first frame, because its kernels are compiled then. A source that
+came to its end is left alone, and so is a stream that a worker started elsewhere publishes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import sys
+import time
+from collections import deque
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+
+import structlog
+
+from lightwell.settings import StreamSettings
+from lightwell_server.config import SupervisorSettings
+from lightwell_server.hub import Hub
+from lightwell_server.masking import mask
+from lightwell_server.session import WorkerState, follow
+
+log = structlog.get_logger("supervisor")
+
+POLL_SECONDS = 0.25
+TAIL_LINES = 20
+HEALTHY_SECONDS = 10.0
+"""A process that has run this long with frames starts the pauses anew."""
+
+
+@dataclass
+class _Worker:
+    """The embedded worker of one stream."""
+
+    name: str
+    settings: StreamSettings
+    state: WorkerState = WorkerState.STOPPED
+    pid: int | None = None
+    restarts: int = 0
+    last_error: str = ""
+    tail: deque[str] = field(default_factory=lambda: deque(maxlen=TAIL_LINES))
+    task: asyncio.Task[None] | None = None
+
+    def become(self, state: WorkerState) -> None:
+        """Go to another state; raises ``ValueError`` where it cannot follow this one."""
+        self.state = follow(self.state, state)
+
+
+@dataclass(frozen=True)
+class WorkerReport:
+    """What the API shows of an embedded worker."""
+
+    state: WorkerState
+    pid: int | None
+    restarts: int
+    last_error: str
+    stderr_tail: tuple[str, ...]
+
+
+class Supervisor:
+    """Starts, watches and ends the embedded workers."""
+
+    def __init__(self, hub: Hub, settings: SupervisorSettings, token: str) -> None:
+        self._hub = hub
+        self._settings = settings
+        self._token = token
+        self._workers: dict[str, _Worker] = {}
+        self.server_url = ""
+        """Where workers find this server; set before the first stream is applied."""
+
+    def report(self, name: str) -> WorkerReport | None:
+        """Return how the embedded worker of a stream is, or None where it has none."""
+        worker = self._workers.get(name)
+        if worker is None:
+            return None
+        return WorkerReport(worker.state, worker.pid, worker.restarts, worker.last_error, tuple(worker.tail))
+
+    def restarts(self) -> dict[str, int]:
+        """Return how often each stream's worker has been started again."""
+        return {name: worker.restarts for name, worker in self._workers.items()}
+
+    def apply(self, name: str, settings: StreamSettings) -> None:
+        """Start, restart or stop the worker of a stream as its settings want it.
+
+        A running worker whose source, mapping and ``enabled`` stay the same is left alone: it is told of the rest
+        through its socket.
+        """
+        if not self._settings.embedded:
+            return
+        worker = self._workers.setdefault(name, _Worker(name, settings))
+        same = (worker.settings.source, worker.settings.mapping, worker.settings.enabled) == (
+            settings.source,
+            settings.mapping,
+            settings.enabled,
+        )
+        worker.settings = settings
+        if worker.task is None or not same:
+            worker.task = asyncio.create_task(self._replace(worker, worker.task), name=f"worker {name}")
+
+    async def remove(self, name: str) -> None:
+        """Stop the worker of a stream and forget it."""
+        worker = self._workers.pop(name, None)
+        if worker is not None:
+            await _cancel(worker.task)
+
+    async def close(self) -> None:
+        """Stop all workers, at the same time."""
+        workers, self._workers = list(self._workers.values()), {}
+        await asyncio.gather(*(_cancel(worker.task) for worker in workers))
+
+    async def _replace(self, worker: _Worker, previous: asyncio.Task[None] | None) -> None:
+        try:
+            await _cancel(previous)
+            if worker.settings.enabled:
+                await self._keep_alive(worker)
+        finally:
+            worker.state = WorkerState.STOPPED if worker.state is not WorkerState.ENDED else WorkerState.ENDED
+
+    async def _keep_alive(self, worker: _Worker) -> None:
+        worker.state = WorkerState.STOPPED
+        failures = 0
+        while True:
+            while self._published_elsewhere(worker.name):
+                worker.become(WorkerState.YIELDED)
+                await asyncio.sleep(POLL_SECONDS)
+            worker.become(WorkerState.STARTING)
+            started = time.monotonic()
+            try:
+                async with self._process(worker) as process:
+                    reason = await self._watch(worker, process, started)
+            except OSError as error:
+                reason = f"the ingest process cannot be started: {error}"
+            if worker.state is WorkerState.ENDED:
+                return
+            if self._published_elsewhere(worker.name):
+                continue
+            worker.become(WorkerState.BACKING_OFF)
+            worker.last_error = reason
+            healthy = time.monotonic() - started > HEALTHY_SECONDS and self._frames_since(worker.name, started)
+            failures = 1 if healthy else failures + 1
+            pause_seconds = min(
+                self._settings.backoff_first_seconds * 2.0 ** min(failures - 1, 16),
+                self._settings.backoff_longest_seconds,
+            )
+            log.error("worker restarts", stream=worker.name, reason=reason, pause_seconds=pause_seconds)
+            await asyncio.sleep(pause_seconds)
+            worker.restarts += 1
+
+    @contextlib.asynccontextmanager
+    async def _process(self, worker: _Worker) -> AsyncIterator[asyncio.subprocess.Process]:
+        """Run the ingest process; it has ended when this is left."""
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            "lightwell_server.supervised",
+            "ingest",
+            "--stream",
+            worker.name,
+            "--server",
+            self.server_url,
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+            env=os.environ
+            | {"LIGHTWELL_STREAM_SETTINGS": worker.settings.model_dump_json(), "LIGHTWELL_TOKEN": self._token},
+            start_new_session=True,  # Ctrl-C on a terminal goes to the server, which ends the workers itself
+        )
+        worker.pid = process.pid
+        reading = asyncio.create_task(_read_stderr(process, worker.tail))
+        log.info("worker started", stream=worker.name, pid=process.pid)
+        try:
+            yield process
+        finally:
+            await asyncio.shield(self._end(process))
+            worker.pid = None
+            await reading
+
+    async def _watch(self, worker: _Worker, process: asyncio.subprocess.Process, started: float) -> str:
+        """Return why the process must be started again; its state becomes ENDED where it must not."""
+        while True:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(POLL_SECONDS):
+                    status = await process.wait()
+                    channel = self._hub.get(worker.name)
+                    if status == 0 and channel is not None and channel.state == "ended":
+                        worker.become(WorkerState.ENDED)
+                    return _describe_exit(status, worker.tail)
+            if self._published_elsewhere(worker.name):
+                return "a worker started elsewhere publishes this stream"
+            if worker.state is WorkerState.STARTING and self._frames_since(worker.name, started):
+                worker.become(WorkerState.RUNNING)
+            if (silence := self._silence(worker, started)) is not None:
+                return silence
+
+    def _silence(self, worker: _Worker, started: float) -> str | None:
+        """Return what the watchdog complains about, or None."""
+        channel = self._hub.get(worker.name)
+        if channel is None or channel.state == "ended":
+            return None
+        now = time.monotonic()
+        if worker.state is WorkerState.RUNNING and channel.latest_at is not None:
+            age, limit = now - channel.latest_at, self._settings.watchdog_seconds
+        else:
+            age, limit = now - started, self._settings.startup_seconds
+        if age <= limit:
+            return None
+        said = f": {channel.status.last_error}" if channel.status and channel.status.last_error else ""
+        return f"no frame for {age:.0f} s{said}"
+
+    def _frames_since(self, name: str, started: float) -> bool:
+        channel = self._hub.get(name)
+        return channel is not None and channel.latest_at is not None and channel.latest_at > started
+
+    def _published_elsewhere(self, name: str) -> bool:
+        channel = self._hub.get(name)
+        return channel is not None and channel.publisher is not None and not channel.publisher.embedded
+
+    async def _end(self, process: asyncio.subprocess.Process) -> None:
+        """End the process: first in order, then at once."""
+        if process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                process.terminate()
+            try:
+                async with asyncio.timeout(self._settings.stop_seconds):
+                    await process.wait()
+            except TimeoutError:
+                with contextlib.suppress(ProcessLookupError):
+                    process.kill()
+                await process.wait()
+
+
+async def _cancel(task: asyncio.Task[None] | None) -> None:
+    if task is not None:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+async def _read_stderr(process: asyncio.subprocess.Process, tail: deque[str]) -> None:
+    """Pass the process's log on, and keep its last lines; a very long line is passed on in pieces."""
+    assert process.stderr is not None
+    while data := await process.stderr.read(65536):
+        sys.stderr.write(data.decode(errors="replace"))
+        tail.extend(mask(line) for line in data.decode(errors="replace").splitlines() if line.strip())
+
+
+def _describe_exit(status: int, tail: deque[str]) -> str:
+    how = f"was killed by signal {-status}" if status < 0 else f"ended with status {status}"
+    said = f": {tail[-1]}" if tail else ""
+    return f"the ingest process {how}{said}"

@@ -1,0 +1,59 @@
+"""One frame in the form that a subscriber asked for: another convention, fewer bands. Arrays in, bytes out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.conventions import Convention, coefficient_count
+from lightwell.sh.engines import convert, convert_directions
+from lightwell.wire import Frame, pack_coefficients, unpack_coefficients
+
+
+class Variant(NamedTuple):
+    """What subscribers share: each variant of a frame is converted and encoded once."""
+
+    convention: Convention = "lightwell"
+    bands: int | None = None
+    """At most this many bands; None: all that there are."""
+
+
+AS_PUBLISHED = Variant()
+"""The variant that changes nothing."""
+
+
+def make_variant(frame: Frame, variant: Variant) -> Frame:
+    """Return ``frame`` in the convention and with at most the bands of ``variant``; the same object if that is nothing.
+
+    Bands are cut, not windowed again: the window that was used stays with the frame, shortened with it.
+    """
+    bands = min(variant.bands or frame.bands, frame.bands)
+    if bands == frame.bands and variant.convention == frame.convention:
+        return frame
+    dominant = frame.dominant
+    if dominant is not None:
+        x, y, z = convert_directions(dominant.direction, variant.convention, frame.convention).tolist()
+        dominant = msgspec.structs.replace(dominant, direction=(x, y, z))
+    return msgspec.structs.replace(
+        frame,
+        bands=bands,
+        convention=variant.convention,
+        coefficients=_coefficients(frame.coefficients, frame.convention, variant.convention, bands),
+        truth=frame.truth and _coefficients(frame.truth, frame.convention, variant.convention, bands),
+        gradients=frame.gradients and _gradients(frame.gradients, frame.convention, variant.convention, bands),
+        window=msgspec.structs.replace(frame.window, weights=frame.window.weights[:bands]),
+        dominant=dominant,
+    )
+
+
+def _coefficients(packed: bytes, source: Convention, to: Convention, bands: int) -> bytes:
+    return pack_coefficients(convert(unpack_coefficients(packed)[: coefficient_count(bands)], to, source))
+
+
+def _gradients(packed: bytes, source: Convention, to: Convention, bands: int) -> bytes:
+    """Convert ``(bands², 3, 3)`` derivatives: each one's coefficients, and the axes along which they are taken."""
+    gradients: NDArray[np.float32] = np.frombuffer(packed, dtype="<f4").reshape(-1, 3, 3)[: coefficient_count(bands)]
+    return pack_coefficients(convert_directions(convert(gradients, to, source), to, source))
