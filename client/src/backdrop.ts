@@ -1,0 +1,183 @@
+// The surroundings behind the objects: the stream's picture, or the light as the harmonics hold it.
+
+import {
+  BufferAttribute,
+  BufferGeometry,
+  LinearFilter,
+  Mesh,
+  NoColorSpace,
+  RepeatWrapping,
+  ShaderMaterial,
+  Texture,
+  Vector2,
+  type PerspectiveCamera,
+} from "three";
+
+import { harmonics } from "./glsl.ts";
+import type { LightUniforms } from "./materials.ts";
+import { PAGE_BANDS } from "./sh.ts";
+import type { Backdrop } from "./wire.ts";
+
+const VERTEX = /* glsl */ `
+uniform mat4 worldFromCamera;
+uniform mat4 cameraFromClip;
+varying vec3 direction;
+void main() {
+  vec4 far = cameraFromClip * vec4(position.xy, 1.0, 1.0);
+  direction = mat3(worldFromCamera) * (far.xyz / far.w);
+  gl_Position = vec4(position.xy, 1.0, 1.0);
+}`;
+
+const FRAGMENT = /* glsl */ `
+varying vec3 direction;
+#ifdef PICTURE
+  uniform sampler2D picture;
+  uniform vec2 size;
+  uniform float k;
+  uniform float cap;
+  // Cubic B-spline by four bilinear samples: the picture is much coarser than the screen.
+  vec3 sampleSmoothly(vec2 uv) {
+    vec2 position = uv * size - 0.5;
+    vec2 f = fract(position);
+    vec2 base = position - f;
+    vec2 f2 = f * f;
+    vec2 f3 = f2 * f;
+    vec2 w0 = (1.0 - 3.0 * f + 3.0 * f2 - f3) / 6.0;
+    vec2 w1 = (4.0 - 6.0 * f2 + 3.0 * f3) / 6.0;
+    vec2 w3 = f3 / 6.0;
+    vec2 g0 = w0 + w1;
+    vec2 g1 = 1.0 - g0;
+    vec2 lower = (base - 0.5 + w1 / g0) / size;
+    vec2 upper = (base + 1.5 + w3 / g1) / size;
+    return g0.y * (g0.x * texture2D(picture, lower).rgb + g1.x * texture2D(picture, vec2(upper.x, lower.y)).rgb)
+      + g1.y * (g0.x * texture2D(picture, vec2(lower.x, upper.y)).rgb + g1.x * texture2D(picture, upper).rgb);
+  }
+  // Row 0 is +Z; the log curve of wire.Backdrop is undone.
+  vec3 radianceFrom(vec3 d) {
+    vec2 uv = vec2(atan(d.y, d.x) / 6.28318530718, acos(clamp(d.z, -1.0, 1.0)) / 3.14159265359);
+    return (exp2(sampleSmoothly(uv) * log2(1.0 + k * cap)) - 1.0) / k;
+  }
+#else
+  uniform vec3 light[${PAGE_BANDS * PAGE_BANDS}];
+  ${harmonics("lightAt", "light", PAGE_BANDS)}
+  vec3 radianceFrom(vec3 d) { return max(lightAt(d), 0.0); }
+#endif
+void main() {
+  gl_FragColor = vec4(radianceFrom(normalize(direction)), 1.0);
+  #include <tonemapping_fragment>
+  #include <colorspace_fragment>
+}`;
+
+export class Surroundings {
+  readonly mesh: Mesh<BufferGeometry, ShaderMaterial>;
+  private readonly texture = new Texture();
+  private next: Backdrop | null = null;
+  private decoding = false;
+  private hasPicture = false;
+  private wantsPicture = true;
+  /** Counts `clear`: a picture that was being decoded meanwhile belongs to the past. */
+  private era = 0;
+  private decoded: { bitmap: ImageBitmap; message: Backdrop } | null = null;
+
+  constructor(camera: PerspectiveCamera, light: LightUniforms) {
+    this.texture.colorSpace = NoColorSpace;
+    this.texture.wrapS = RepeatWrapping;
+    this.texture.minFilter = this.texture.magFilter = LinearFilter;
+    this.texture.generateMipmaps = false;
+    this.texture.flipY = false;
+    const triangle = new BufferGeometry();
+    triangle.setAttribute("position", new BufferAttribute(Float32Array.of(-1, -1, 0, 3, -1, 0, -1, 3, 0), 3));
+    const material = new ShaderMaterial({
+      vertexShader: VERTEX,
+      fragmentShader: FRAGMENT,
+      depthTest: false,
+      depthWrite: false,
+      uniforms: {
+        worldFromCamera: { value: camera.matrixWorld },
+        cameraFromClip: { value: camera.projectionMatrixInverse },
+        light: light.light,
+        picture: { value: this.texture },
+        size: { value: new Vector2(1, 1) },
+        k: { value: 1 },
+        cap: { value: 1 },
+      },
+    });
+    this.mesh = new Mesh(triangle, material);
+    this.mesh.frustumCulled = false;
+    this.mesh.renderOrder = -1;
+  }
+
+  /** Decode a picture beside the drawing; while one is being decoded only the newest waits. */
+  offer(message: Backdrop): void {
+    this.next = message;
+    if (!this.decoding) void this.decode();
+  }
+
+  /** Forget the picture, so that another stream's is not shown. */
+  clear(): void {
+    this.era++;
+    this.next = null;
+    this.decoded?.bitmap.close();
+    this.decoded = null;
+    this.hasPicture = false;
+    this.chooseVariant();
+  }
+
+  /** Put a freshly decoded picture onto the texture; says whether there was one. */
+  update(): boolean {
+    if (this.decoded === null) return false;
+    const { bitmap, message } = this.decoded;
+    this.decoded = null;
+    const uniforms = this.mesh.material.uniforms;
+    const size = uniforms["size"]!.value as Vector2;
+    const previous = this.texture.image as ImageBitmap | null | undefined;
+    // A texture's storage keeps its size.
+    if (size.x !== bitmap.width || size.y !== bitmap.height) this.texture.dispose();
+    size.set(bitmap.width, bitmap.height);
+    uniforms["k"]!.value = message.k;
+    uniforms["cap"]!.value = message.cap;
+    this.texture.image = bitmap;
+    this.texture.needsUpdate = true;
+    previous?.close();
+    this.hasPicture = true;
+    this.chooseVariant();
+    return true;
+  }
+
+  /** Show the picture where there is one, else the harmonics. */
+  preferPicture(wanted: boolean): void {
+    this.wantsPicture = wanted;
+    this.chooseVariant();
+  }
+
+  private chooseVariant(): void {
+    const { material } = this.mesh;
+    const picture = this.wantsPicture && this.hasPicture;
+    if ("PICTURE" in material.defines === picture) return;
+    if (picture) material.defines["PICTURE"] = 1;
+    else delete material.defines["PICTURE"];
+    material.needsUpdate = true;
+  }
+
+  private async decode(): Promise<void> {
+    this.decoding = true;
+    while (this.next !== null) {
+      const message = this.next;
+      const era = this.era;
+      this.next = null;
+      const blob = new Blob([message.jpeg as Uint8Array<ArrayBuffer>], { type: "image/jpeg" });
+      try {
+        const bitmap = await createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+        if (era !== this.era) {
+          bitmap.close();
+          continue;
+        }
+        this.decoded?.bitmap.close();
+        this.decoded = { bitmap, message };
+      } catch {
+        // A picture that cannot be decoded is left out; the next one comes soon.
+      }
+    }
+    this.decoding = false;
+  }
+}

@@ -1,0 +1,63 @@
+import { describe, expect, it } from "vitest";
+
+import { ClockOffset } from "./clock.ts";
+import { explain, liveUrl } from "./live.ts";
+import { History, Rate } from "./rate.ts";
+import { CLOSE_NOT_FOUND, CLOSE_UNAUTHORIZED } from "./wire.ts";
+
+describe("address of a subscription", () => {
+  it("stays beside the page, under any path and over TLS", () => {
+    expect(liveUrl("http://127.0.0.1:8400/", "room", true)).toBe(
+      "ws://127.0.0.1:8400/api/v1/streams/room/live?bands=5&backdrop=true",
+    );
+    expect(liveUrl("https://host/light/?token=a%2Bb#ev=1", "a/b", false)).toBe(
+      "wss://host/light/api/v1/streams/a%2Fb/live?token=a%2Bb&bands=5&backdrop=false",
+    );
+  });
+});
+
+describe("closes", () => {
+  it("are explained in words, and trying again is left to what may come back", () => {
+    expect(explain(CLOSE_UNAUTHORIZED, "")).toEqual({ reason: expect.stringContaining("?token="), final: true });
+    expect(explain(CLOSE_UNAUTHORIZED, "token expired").reason).toBe("token expired");
+    expect(explain(CLOSE_NOT_FOUND, "there is no stream 'x'")).toEqual({ reason: "there is no stream 'x'", final: false });
+    expect(explain(1006, "").final).toBe(false);
+  });
+});
+
+describe("clock", () => {
+  it("is one clock on this machine", () => {
+    const clock = new ClockOffset("127.0.0.1");
+    clock.observe(5e9, 9000);
+    expect(clock.ms).toBe(0);
+    expect(clock.label).toContain("one clock");
+  });
+
+  it("keeps the smallest offset that a message showed", () => {
+    const clock = new ClockOffset("elsewhere");
+    expect(clock.ms).toBe(0);
+    for (const [server, received] of [[1000, 1130], [2000, 2104], [3000, 3500]] as const) {
+      clock.observe(server * 1e6, received);
+    }
+    expect(clock.ms).toBe(104);
+    expect(clock.label).toContain("104 ms");
+  });
+});
+
+describe("rates", () => {
+  it("count events of the last two seconds", () => {
+    const rate = new Rate();
+    expect(rate.perSecond(0)).toBe(0);
+    for (let time = 0; time <= 4000; time += 50) rate.add(time);
+    expect(rate.perSecond(4000)).toBe(20);
+    expect(rate.perSecond(7000)).toBe(0);
+  });
+
+  it("tell quantiles of the latest samples and forget old ones", () => {
+    const history = new History(1000);
+    expect(history.quantile(0.5)).toBeNull();
+    for (let i = 0; i < 100; i++) history.add({ timeMs: 20 * i, value: i });
+    expect(history.quantile(0.5, 1900)).toBe(97);
+    expect(history.all().every(({ timeMs }) => timeMs >= 700)).toBe(true);
+  });
+});

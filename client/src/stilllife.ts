@@ -1,0 +1,60 @@
+// The lit objects: a bunny, a ball and a round table, baked by tools/bake_scene.py with their diffuse transfer.
+
+import { BufferAttribute, BufferGeometry, InterleavedBuffer, InterleavedBufferAttribute, Mesh, Sphere, Vector3 } from "three";
+import type { ShaderMaterial } from "three";
+
+import { TRANSFER_SLOTS } from "./glsl.ts";
+
+export type PartName = "bunny" | "ball" | "table";
+
+interface Header {
+  vertices: number;
+  bands: number;
+  scales: { position: number; normal: number; transfer: number };
+  parts: { name: PartName; start: number; count: number }[];
+}
+
+const LANES = 36;
+const FIRST_LANE = { position: 0, normal: 4, transfer: 8 };
+
+/** What the camera frames, world axes. */
+export const BOUNDS = new Sphere(new Vector3(0.12, -0.08, 0.55), 1.72);
+
+export interface StillLife {
+  meshes: Mesh[];
+  /** What a transfer attribute has to be multiplied by. */
+  transferScale: number;
+}
+
+/** Fetch the file and make one mesh a part; raises `Error` where it cannot be had. */
+export async function loadStillLife(url: string, materials: Record<PartName, ShaderMaterial>): Promise<StillLife> {
+  const response = await fetch(url);
+  if (!response.ok || response.body === null) throw new Error(`${url}: ${response.status} ${response.statusText}`);
+  const unzipped = response.body.pipeThrough(new DecompressionStream("gzip"));
+  const data = await new Response(unzipped).arrayBuffer();
+
+  const headerBytes = new DataView(data).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, headerBytes))) as Header;
+  const lanes = new Int16Array(data, 4 + headerBytes, LANES * header.vertices);
+  const triangles = new Uint16Array(data, lanes.byteOffset + lanes.byteLength);
+
+  const buffer = new InterleavedBuffer(lanes, LANES);
+  const attribute = (size: number, lane: number) => new InterleavedBufferAttribute(buffer, size, lane, true);
+  const index = new BufferAttribute(triangles, 1);
+  const meshes = header.parts.map(({ name, start, count }) => {
+    const geometry = new BufferGeometry();
+    geometry.setIndex(index);
+    geometry.setDrawRange(start, count);
+    geometry.setAttribute("position", attribute(3, FIRST_LANE.position));
+    geometry.setAttribute("normal", attribute(3, FIRST_LANE.normal));
+    for (let slot = 0; slot < TRANSFER_SLOTS; slot++) {
+      geometry.setAttribute(`transfer${slot}`, attribute(4, FIRST_LANE.transfer + 4 * slot));
+    }
+    const mesh = new Mesh(geometry, materials[name]);
+    mesh.name = name;
+    mesh.scale.setScalar(header.scales.position);
+    mesh.frustumCulled = false;
+    return mesh;
+  });
+  return { meshes, transferScale: header.scales.transfer };
+}

@@ -1,0 +1,39 @@
+import { snapshot } from "../session.ts";
+
+function Figure({ name, value, unit, title }: { name: string; value: string; unit?: string; title: string }) {
+  return (
+    <div title={title}>
+      <dt>{name}</dt>
+      <dd data-testid={`hud-${name.toLowerCase()}`}>
+        {value}
+        {unit !== undefined && <small> {unit}</small>}
+      </dd>
+    </div>
+  );
+}
+
+/** Numbers over the picture. */
+export function Hud() {
+  const now = snapshot.value;
+  if (now === null) return null;
+  const render = now.renderFps < 0.5 ? "idle" : now.renderFps.toFixed(0);
+  const latency = now.latencyMs === null ? "–" : now.latencyMs.toFixed(now.latencyMs < 10 ? 1 : 0);
+  return (
+    <dl class="hud" aria-label="Measurements">
+      <Figure
+        name="Render"
+        value={render}
+        {...(render === "idle" ? {} : { unit: "fps" })}
+        title="Pictures drawn each second; nothing is drawn while nothing changes"
+      />
+      <Figure name="Stream" value={now.streamFps.toFixed(now.streamFps < 10 ? 1 : 0)} unit="fps" title="Frames received each second" />
+      <Figure
+        name="Latency"
+        value={latency}
+        {...(now.latencyMs === null ? {} : { unit: "ms" })}
+        title={`Median of two seconds: ${now.latencyLabel}`}
+      />
+      <Figure name="Missed" value={String(now.missed)} title="Frames overtaken by newer ones before they reached this page" />
+    </dl>
+  );
+}

@@ -1,0 +1,35 @@
+import { describe, expect, it } from "vitest";
+
+import { DEFAULT_VIEW, formatView, parseView, type View } from "./view.ts";
+
+const CHANGED: View = {
+  stream: "room & board",
+  ev: -1.25,
+  camera: [1.5, -4.25, 2, 0, 0.125, 0.6],
+  colour: "#aa3366",
+  gloss: 0.75,
+  exponent: 12.5,
+  shadows: false,
+  bands: 3,
+  backdrop: "harmonics",
+  arrow: true,
+  panel: false,
+  hud: false,
+  theme: "light",
+};
+
+describe("the view in the address", () => {
+  it("is empty for the default", () => {
+    expect(formatView(DEFAULT_VIEW)).toBe("");
+    expect(parseView("")).toEqual(DEFAULT_VIEW);
+  });
+
+  it("comes back as it was written", () => {
+    expect(parseView(formatView(CHANGED))).toEqual(CHANGED);
+  });
+
+  it("keeps the default where the address makes no sense", () => {
+    const hash = "#ev=bright&camera=1,2&colour=red&gloss=7&bands=9&backdrop=sky&shadows=maybe&exponent=&other=1";
+    expect(parseView(hash)).toEqual(DEFAULT_VIEW);
+  });
+});

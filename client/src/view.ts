@@ -1,0 +1,139 @@
+// What the user looks at and how: all of it stands in the address, so that a link shows the same picture.
+
+import { signal } from "@preact/signals";
+
+import { PAGE_BANDS } from "./sh.ts";
+
+export type BackdropMode = "picture" | "harmonics" | "off";
+export type Theme = "auto" | "dark" | "light";
+
+export interface View {
+  /** `null`: the page picks one. */
+  stream: string | null;
+  /** Exposure in EV; `null`: metered when a stream's first light arrives. */
+  ev: number | null;
+  /** Camera position and target, world metres; `null`: the framed start. */
+  camera: readonly number[] | null;
+  colour: string;
+  gloss: number;
+  exponent: number;
+  shadows: boolean;
+  bands: number;
+  backdrop: BackdropMode;
+  arrow: boolean;
+  /** `null`: open where the window is wide. */
+  panel: boolean | null;
+  hud: boolean;
+  theme: Theme;
+}
+
+export const DEFAULT_VIEW: View = {
+  stream: null,
+  ev: null,
+  camera: null,
+  colour: "#d8d2c8",
+  gloss: 0.15,
+  exponent: 24,
+  shadows: true,
+  bands: PAGE_BANDS,
+  backdrop: "picture",
+  arrow: false,
+  panel: null,
+  hud: true,
+  theme: "auto",
+};
+
+export const EV_RANGE = { min: -8, max: 8 };
+export const EXPONENT_RANGE = { min: 1, max: 128 };
+
+type Codec<T> = { read: (text: string) => T | undefined; write: (value: T) => string };
+
+const text: Codec<string> = { read: (value) => value || undefined, write: (value) => value };
+const flag: Codec<boolean> = {
+  read: (value) => (value === "1" ? true : value === "0" ? false : undefined),
+  write: (value) => (value ? "1" : "0"),
+};
+const number = (min: number, max: number, digits: number): Codec<number> => ({
+  read: (value) => (value !== "" && Number(value) >= min && Number(value) <= max ? Number(value) : undefined),
+  write: (value) => String(Number(value.toFixed(digits))),
+});
+const choice = <T extends string>(...names: T[]): Codec<T> => ({
+  read: (value) => names.find((name) => name === value),
+  write: (value) => value,
+});
+const colour: Codec<string> = {
+  read: (value) => (/^[0-9a-f]{6}$/.test(value) ? `#${value}` : undefined),
+  write: (value) => value.slice(1),
+};
+const camera: Codec<readonly number[]> = {
+  read: (value) => {
+    const numbers = value.split(",").map(Number);
+    return numbers.length === 6 && numbers.every((item) => Number.isFinite(item)) ? numbers : undefined;
+  },
+  write: (value) => value.map((item) => Number(item.toFixed(3))).join(","),
+};
+
+const CODECS: { [Key in keyof View]: Codec<NonNullable<View[Key]>> } = {
+  stream: text,
+  ev: number(EV_RANGE.min, EV_RANGE.max, 2),
+  camera,
+  colour,
+  gloss: number(0, 1, 2),
+  exponent: number(EXPONENT_RANGE.min, EXPONENT_RANGE.max, 1),
+  shadows: flag,
+  bands: { read: (value) => (/^[1-5]$/.test(value) ? Number(value) : undefined), write: String },
+  backdrop: choice("picture", "harmonics", "off"),
+  arrow: flag,
+  panel: flag,
+  hud: flag,
+  theme: choice("auto", "dark", "light"),
+};
+
+/** Read a hash; what is missing or makes no sense is the default. */
+export function parseView(hash: string): View {
+  const parameters = new URLSearchParams(hash.replace(/^#/, ""));
+  const view: Record<string, unknown> = { ...DEFAULT_VIEW };
+  for (const [key, codec] of Object.entries(CODECS)) {
+    const value = parameters.get(key);
+    const read = value === null ? undefined : codec.read(value);
+    if (read !== undefined) view[key] = read;
+  }
+  return view as unknown as View;
+}
+
+/** Write what differs from the default. */
+export function formatView(view: View): string {
+  const parts: string[] = [];
+  for (const [key, codec] of Object.entries(CODECS) as [keyof View, Codec<unknown>][]) {
+    const value = view[key];
+    if (value === null) continue;
+    const written = codec.write(value);
+    const fallback = DEFAULT_VIEW[key];
+    if (fallback === null || written !== codec.write(fallback)) {
+      parts.push(`${key}=${encodeURIComponent(written).replaceAll("%2C", ",")}`);
+    }
+  }
+  return parts.length > 0 ? `#${parts.join("&")}` : "";
+}
+
+export const view = signal<View>(DEFAULT_VIEW);
+
+export function change(part: Partial<View>): void {
+  view.value = { ...view.value, ...part };
+}
+
+/** Keep the view and the address the same, both ways. */
+export function bindViewToAddress(): void {
+  const read = () => {
+    const next = parseView(location.hash);
+    if (formatView(next) !== formatView(view.peek())) view.value = next;
+  };
+  read();
+  addEventListener("hashchange", read);
+  let timer: ReturnType<typeof setTimeout> | undefined;
+  view.subscribe((value) => {
+    // Browsers allow about a hundred changes of the address in thirty seconds; dragging makes more.
+    clearTimeout(timer);
+    timer = setTimeout(() => history.replaceState(null, "", formatView(value) || location.pathname + location.search), 300);
+  });
+}

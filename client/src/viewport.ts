@@ -1,0 +1,291 @@
+// The picture: camera, controls and the loop that draws when something has changed.
+
+import {
+  AgXToneMapping,
+  ArrowHelper,
+  Color,
+  PerspectiveCamera,
+  Raycaster,
+  Scene,
+  Spherical,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+  type Mesh,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
+import { Surroundings } from "./backdrop.ts";
+import { nowMs } from "./clock.ts";
+import type { Light, LiveStream } from "./live.ts";
+import { LightUniforms, litMaterial } from "./materials.ts";
+import { Rate } from "./rate.ts";
+import { meanLuminance } from "./sh.ts";
+import { BOUNDS, loadStillLife } from "./stilllife.ts";
+import { EV_RANGE, change, view, type View } from "./view.ts";
+
+const FIELD_OF_VIEW_DEGREES = 30;
+const HOME_DIRECTION = new Vector3(0.3, -1, 0.3).normalize();
+const ARROW_LENGTH = 0.8;
+const BALL = { colour: "#ffffff", gloss: 0.92 };
+const TABLE = { colour: "#8d8a85", gloss: 0.02 };
+/** Mean radiance of the light, exposed, that looks right on the objects and behind them. */
+const METERED_LEVEL = 0.5;
+
+/** Pixels of the window that the panel covers, on the right and at the bottom. */
+export interface Covered {
+  right: number;
+  bottom: number;
+}
+
+export class Viewport {
+  readonly drawn = new Rate();
+  readonly rendererName: string;
+  readonly isSoftware: boolean;
+  /** Exposure that fits the stream's first light, EV. */
+  meteredEv = 0;
+  paused = false;
+  /** The light on the objects: the newest, unless paused. */
+  shown: Light | null = null;
+
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly camera = new PerspectiveCamera(FIELD_OF_VIEW_DEGREES, 1, 0.05, 200);
+  private readonly controls: OrbitControls;
+  private readonly light = new LightUniforms();
+  private readonly materials = {
+    bunny: litMaterial(this.light, "#ffffff", 0),
+    ball: litMaterial(this.light, BALL.colour, BALL.gloss),
+    table: litMaterial(this.light, TABLE.colour, TABLE.gloss),
+  };
+  private readonly surroundings: Surroundings;
+  private readonly arrow = new ArrowHelper(new Vector3(0, 0, -1), new Vector3(), ARROW_LENGTH, 0xffffff, 0.22, 0.12);
+  private objects: Mesh[] = [];
+  private covered: Covered = { right: 0, bottom: 0 };
+  private dirty = true;
+  /** The user has dragged, and the motion has not come to rest. */
+  private moved = false;
+  private appliedCamera: View["camera"] = null;
+
+  /** Raises `Error` where the browser has no WebGL 2. */
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    private readonly live: LiveStream,
+  ) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
+    this.renderer.toneMapping = AgXToneMapping;
+    const gl = this.renderer.getContext();
+    const info = gl.getExtension("WEBGL_debug_renderer_info");
+    this.rendererName = String(gl.getParameter(info?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
+    this.isSoftware = /swiftshader|llvmpipe|software/i.test(this.rendererName);
+
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = true;
+    this.controls.dampingFactor = 0.12;
+    this.controls.minDistance = 0.8;
+    this.controls.maxDistance = 40;
+    this.controls.addEventListener("start", () => (this.moved = true));
+
+    this.surroundings = new Surroundings(this.camera, this.light);
+    this.scene.add(this.surroundings.mesh, this.arrow);
+    canvas.addEventListener("dblclick", (event) => this.focus(event));
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    view.subscribe((value) => this.applyView(value));
+    this.resize();
+  }
+
+  /** Fetch the objects and start to draw. */
+  async start(): Promise<void> {
+    this.renderer.setAnimationLoop(() => this.update());
+    const { meshes, transferScale } = await loadStillLife(new URL("scene.bin", document.baseURI).href, this.materials);
+    for (const material of Object.values(this.materials)) material.uniforms["transferScale"]!.value = transferScale;
+    this.objects = meshes;
+    this.scene.add(...meshes);
+    this.dirty = true;
+  }
+
+  /** Forget another stream's light. */
+  clear(): void {
+    this.shown = null;
+    this.surroundings.clear();
+    this.dirty = true;
+  }
+
+  cover(covered: Covered): void {
+    this.covered = covered;
+    this.resize();
+  }
+
+  /** Go back to the framed start. */
+  reset(): void {
+    this.moved = false;
+    change({ camera: null });
+  }
+
+  /** Frame the objects from where the camera is. */
+  frame(): void {
+    const direction = this.camera.position.clone().sub(this.controls.target).normalize();
+    this.place(BOUNDS.center, direction);
+    this.rememberCamera();
+  }
+
+  /** Turn around the target, radians. */
+  orbit(azimuth: number, elevation: number): void {
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    // Spherical takes +Y as its pole: turn our +Z there and back.
+    const spherical = new Spherical().setFromVector3(new Vector3(offset.x, offset.z, -offset.y));
+    spherical.theta += azimuth;
+    spherical.phi -= elevation;
+    const turned = new Vector3().setFromSpherical(spherical.makeSafe());
+    this.camera.position.copy(this.controls.target).add(new Vector3(turned.x, -turned.z, turned.y));
+    this.rememberCamera();
+  }
+
+  zoom(factor: number): void {
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    const distance = Math.min(this.controls.maxDistance, Math.max(this.controls.minDistance, offset.length() * factor));
+    this.camera.position.copy(this.controls.target).add(offset.setLength(distance));
+    this.rememberCamera();
+  }
+
+  /** The picture as it is, without the panel. */
+  screenshot(): Promise<Blob> {
+    // Drawn in the same task: the browser clears the buffer after it.
+    this.render();
+    return new Promise((resolve, reject) => {
+      this.canvas.toBlob((blob) => (blob === null ? reject(new Error("The picture could not be encoded.")) : resolve(blob)));
+    });
+  }
+
+  private update(): void {
+    const newest = this.live.light;
+    if (!this.paused && newest !== this.shown) {
+      if (newest !== null && this.shown === null) this.meter(newest);
+      this.shown = newest;
+      this.applyLight(view.peek());
+    }
+    if (this.live.backdrop !== null && !this.paused) {
+      this.surroundings.offer(this.live.backdrop);
+      this.live.backdrop = null;
+    }
+    if (this.surroundings.update()) this.dirty = true;
+    if (this.controls.update()) {
+      this.dirty = true;
+    } else if (this.moved) {
+      this.moved = false;
+      this.rememberCamera();
+    }
+    if (this.dirty) this.render();
+  }
+
+  private render(): void {
+    this.dirty = false;
+    this.renderer.render(this.scene, this.camera);
+    this.drawn.add(nowMs());
+  }
+
+  private meter(light: Light): void {
+    const level = meanLuminance(light.coefficients);
+    const ev = level > 0 ? Math.log2(METERED_LEVEL / level) : 0;
+    this.meteredEv = Math.round(10 * Math.min(EV_RANGE.max, Math.max(EV_RANGE.min, ev))) / 10;
+    this.applyView(view.peek());
+  }
+
+  private applyView(value: View): void {
+    this.renderer.toneMappingExposure = 2 ** (value.ev ?? this.meteredEv);
+    const { bunny } = this.materials;
+    (bunny.uniforms["albedo"]!.value as Color).set(value.colour);
+    bunny.uniforms["gloss"]!.value = value.gloss;
+    this.surroundings.mesh.visible = value.backdrop !== "off";
+    this.surroundings.preferPicture(value.backdrop === "picture");
+    this.live.setBackdrop(value.backdrop === "picture");
+    if (value.camera !== this.appliedCamera) this.applyCamera(value.camera);
+    this.applyLight(value);
+  }
+
+  private applyCamera(camera: View["camera"]): void {
+    this.appliedCamera = camera;
+    if (camera === null) {
+      this.placeAtHome();
+    } else {
+      const [px, py, pz, tx, ty, tz] = camera as [number, number, number, number, number, number];
+      this.camera.position.set(px, py, pz);
+      this.controls.target.set(tx, ty, tz);
+      this.controls.update();
+    }
+  }
+
+  private applyLight(value: View): void {
+    if (this.shown !== null) this.light.set(this.shown.coefficients, value.bands, value.exponent);
+    for (const material of Object.values(this.materials)) this.light.apply(material, value.shadows);
+    const dominant = this.shown?.frame.dominant ?? null;
+    this.arrow.visible = value.arrow && dominant !== null;
+    if (dominant !== null) {
+      const direction = new Vector3(...dominant.direction);
+      this.arrow.position.copy(BOUNDS.center).addScaledVector(direction, 1.35 + ARROW_LENGTH);
+      this.arrow.setDirection(direction.negate());
+      this.arrow.setColor(hue(dominant.irradiance));
+    }
+    this.dirty = true;
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    if (clientWidth === 0 || clientHeight === 0) return;
+    const { right, bottom } = this.covered;
+    this.renderer.setPixelRatio(this.isSoftware ? 1 : Math.min(devicePixelRatio, 2));
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.camera.aspect = clientWidth / clientHeight;
+    // The middle of the picture is the middle of what the panel leaves free.
+    this.camera.setViewOffset(clientWidth, clientHeight, right / 2, bottom / 2, clientWidth, clientHeight);
+    if (view.peek().camera === null) this.placeAtHome();
+    this.dirty = true;
+  }
+
+  private placeAtHome(): void {
+    this.place(BOUNDS.center, HOME_DIRECTION);
+  }
+
+  /** Look at `target` from `direction`, so far away that the objects fit into the free part of the picture. */
+  private place(target: Vector3, direction: Vector3): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const halfHeight = Math.tan((FIELD_OF_VIEW_DEGREES * Math.PI) / 360);
+    const free = Math.min(width - this.covered.right, (height - this.covered.bottom) * 1.25);
+    const halfFree = (halfHeight * free) / height;
+    const distance = BOUNDS.radius / Math.sin(Math.atan(halfFree));
+    this.controls.target.copy(target);
+    this.camera.position.copy(target).addScaledVector(direction, distance);
+    this.controls.update();
+    this.dirty = true;
+  }
+
+  private focus(event: MouseEvent): void {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    const pointer = new Vector2(
+      (2 * (event.clientX - left)) / width - 1,
+      1 - (2 * (event.clientY - top)) / height,
+    );
+    const raycaster = new Raycaster();
+    raycaster.setFromCamera(pointer, this.camera);
+    const hit = raycaster.intersectObjects(this.objects, false)[0];
+    if (hit === undefined) return;
+    const shift = hit.point.clone().sub(this.controls.target);
+    this.controls.target.add(shift);
+    this.camera.position.add(shift);
+    this.rememberCamera();
+  }
+
+  private rememberCamera(): void {
+    this.controls.update();
+    this.dirty = true;
+    this.appliedCamera = [...this.camera.position.toArray(), ...this.controls.target.toArray()];
+    change({ camera: this.appliedCamera });
+  }
+}
+
+/** The colour of a light, at full brightness. */
+function hue(rgb: readonly [number, number, number]): Color {
+  const largest = Math.max(...rgb, 1e-6);
+  return new Color(...(rgb.map((value) => Math.max(0, value) / largest) as [number, number, number]));
+}
