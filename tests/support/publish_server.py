@@ -50,8 +50,6 @@ class PublishServer:
         self.backdrops: list[Backdrop] = []
         self.statuses: list[StreamStatus] = []
         self.paths: list[str] = []
-        self.read_allowed = threading.Event()
-        self.read_allowed.set()
         self._changed = threading.Condition()
         self._connections: set[ServerConnection] = set()
         self._loop = asyncio.new_event_loop()
@@ -137,8 +135,6 @@ class PublishServer:
 
     async def _take(self, connection: ServerConnection, data: bytes) -> None:
         message = decode_worker(data)
-        while not self.read_allowed.is_set():
-            await asyncio.sleep(0.01)
         if isinstance(message, Announce):
             settings = self.welcome_settings or message.settings
             await connection.send(encode(Welcome(settings=settings, server_session="test")))

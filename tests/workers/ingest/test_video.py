@@ -26,7 +26,7 @@ HEIGHT, WIDTH = 48, 64
 
 def encode(
     path: Path,
-    codes: list[tuple[int, int, int]],
+    codes: list[tuple[int, ...]],
     codec: str,
     pixel_format: str,
     options: dict[str, str] | None = None,
@@ -35,6 +35,7 @@ def encode(
     """Write one flat frame for each triple of codes, in the order of the format's planes' components."""
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=Fraction(25), options=options or {})
+        assert isinstance(stream, av.VideoStream)
         stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, pixel_format
         for name, value in (tags or {}).items():
             setattr(stream.codec_context, name, value)
@@ -129,8 +130,8 @@ def test_ten_bit_pq_rec2020_from_hevc_tags(tmp_path: Path) -> None:
         {"x265-params": "lossless=1:log-level=none"},
         tags,
     )
-    grey = pq_eotf((572 - 64) / 876) / 203
-    for mean, expected in zip(means(play(f"video:{path}?realtime=0")), (grey, 10_000 / 203), strict=True):
+    grey = float(pq_eotf((572 - 64) / 876)) / 203
+    for mean, expected in zip(means(play(f"video:{path}?realtime=0")), [grey, 10_000 / 203], strict=True):
         np.testing.assert_allclose(mean, expected, rtol=1e-4)  # white is white in any primaries
 
 
@@ -144,7 +145,7 @@ def test_ten_bit_pq_rec2020_from_hevc_tags(tmp_path: Path) -> None:
     ],
 )
 def test_twelve_bit_linear_from_ffv1(
-    tmp_path: Path, pixel_format: str, codes: tuple[int, int, int], expected: float
+    tmp_path: Path, pixel_format: str, codes: tuple[int, ...], expected: float
 ) -> None:
     path = encode(tmp_path / "linear.mkv", [codes] * 3, "ffv1", pixel_format)
     result = means(play(f"video:{path}?transfer=linear&realtime=0"))
@@ -187,7 +188,7 @@ def test_loop_goes_on_and_names_frames(tmp_path: Path) -> None:
 def test_damaged_frames_are_reported_and_skipped(tmp_path: Path) -> None:
     path = encode(tmp_path / "damaged.mkv", [(2000, 2000, 2000)] * 12, "ffv1", "gbrp12le", {"slicecrc": "1"})
     with av.open(str(path)) as container:
-        positions = [packet.pos for packet in container.demux(video=0) if packet.size]
+        positions = [packet.pos for packet in container.demux(video=0) if packet.size and packet.pos is not None]
     data = bytearray(path.read_bytes())
     for at in range(positions[5] + 40, positions[5] + 80):
         data[at] ^= 0xFF

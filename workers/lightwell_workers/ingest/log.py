@@ -8,7 +8,7 @@ import sys
 import structlog
 
 
-def configure_logging(*, json: bool) -> None:
+def configure_logging(*, json: bool, level: int = logging.INFO) -> None:
     """Log to standard error, as JSON lines or as text for people; call once, at the start of the process.
 
     The logger's name is the stage.
@@ -23,7 +23,7 @@ def configure_logging(*, json: bool) -> None:
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             renderer,
         ],
-        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
+        wrapper_class=structlog.make_filtering_bound_logger(level),
         logger_factory=structlog.PrintLoggerFactory(file=sys.stderr),
     )
 
