@@ -178,10 +178,10 @@ def _describe(item: ErrorDetails, file: str, contents: Mapping[str, Any]) -> str
 def _holds(contents: object, path: Iterable[int | str]) -> bool:
     """Return whether the file has a value at ``path``."""
     for key in path:
-        if (isinstance(contents, Mapping) and key in contents) or (isinstance(contents, list) and isinstance(key, int) and key < len(contents)):
-            contents = contents[key]
-        else:
+        table = dict(enumerate(contents)) if isinstance(contents, list) else contents
+        if not isinstance(table, Mapping) or key not in table:
             return key == "[key]"
+        contents = table[key]
     return True
 
 

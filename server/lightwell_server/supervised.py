@@ -1,7 +1,8 @@
 """Run the command line in a process that ends with the server that started it.
 
-``python -m lightwell_server.supervised`` takes the arguments of ``lightwell``. The server holds the other end of this process's standard input and never writes to it. When the server ends, however
-it ends, the kernel closes the pipe; a thread sees that and stops the process. So no worker outlives its server.
+``python -m lightwell_server.supervised`` takes the arguments of ``lightwell``. The server holds the other end of this
+process's standard input and never writes to it. When the server ends, however it ends, the kernel closes the pipe; a
+thread sees that and stops the process. So no worker outlives its server.
 """
 
 from __future__ import annotations
