@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from itertools import pairwise
 from math import factorial
 
 import numpy as np
@@ -58,7 +59,7 @@ def zonal_factors(kernel: Callable[[Array], Array], bands: int, breaks: tuple[fl
     """``2π ∫ kernel(u) P_l(u) du`` by Gauss–Legendre quadrature between the breaks."""
     u, weights = legendre.leggauss(40)
     total = np.zeros(bands)
-    for low, high in zip(breaks[:-1], breaks[1:], strict=True):
+    for low, high in pairwise(breaks):
         at = low + (high - low) * (u + 1) / 2
         values = weights * (high - low) / 2 * kernel(at)
         total += 2 * np.pi * values @ legendre.legvander(at, bands - 1)

@@ -141,7 +141,7 @@ class WindowStage:
 
     A stronger window is applied at once, so that no frame shows negative light; a weaker one is approached with the
     time constant ``smoothing_seconds`` of the settings, so that the light does not pump. Because feasibility is not
-    monotonic in λ, a strength on the way down is checked as well, and raised where it would not do.
+    monotonic in λ, a strength on the way down is checked as well, and raised for the frame where it would not do.
     """
 
     def __init__(self, settings: WindowSettings, bands: int) -> None:
@@ -150,7 +150,7 @@ class WindowStage:
         self._fixed = (
             None if settings.kind == "auto" else fixed_window(settings.kind, bands, settings.width, settings.target)
         )
-        self._strength: float | None = None
+        self._relaxed: float | None = None
         self._time_ns = 0
 
     def update(self, coefficients: ArrayLike, time_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
@@ -175,20 +175,22 @@ class WindowStage:
 
     def reset(self) -> None:
         """Forget the strength of earlier frames."""
-        self._strength = None
+        self._relaxed = None
 
     def _smoothed_strength(self, coefficients: NDArray[np.float64], time_ns: int) -> float:
         seconds = (time_ns - self._time_ns) * 1e-9
-        previous, self._time_ns = self._strength, time_ns
+        previous, self._time_ns = self._relaxed, time_ns
         needed = weakest_strength(coefficients, self._settings.target)
-        self._strength = needed
-        if previous is not None and previous > needed and seconds >= 0 and self._settings.smoothing_seconds > 0:
-            kept = np.exp(-seconds / self._settings.smoothing_seconds)
-            relaxed = _bounded(needed) + kept * (_bounded(previous) - _bounded(needed))
-            # Below this the window is as good as there, and "none needed" is worth reaching.
-            if relaxed - _bounded(needed) > 2.0**-_BISECTIONS:
-                self._strength = weakest_strength(coefficients, self._settings.target, _unbounded(relaxed))
-        return self._strength
+        self._relaxed = needed
+        if previous is None or previous <= needed or seconds < 0 or self._settings.smoothing_seconds == 0:
+            return needed
+        kept = np.exp(-seconds / self._settings.smoothing_seconds)
+        relaxed = _bounded(needed) + kept * (_bounded(previous) - _bounded(needed))
+        # Closer than this the window is as good as there, and "none needed" is worth reaching.
+        if relaxed - _bounded(needed) < 2.0**-_BISECTIONS:
+            return needed
+        self._relaxed = _unbounded(relaxed)
+        return weakest_strength(coefficients, self._settings.target, at_least=self._relaxed)
 
 
 def _bounded(strength: float) -> float:
