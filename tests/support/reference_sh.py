@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 def directions(count: int, seed: int = 0) -> Array:
     """Uniformly distributed unit vectors, ``(count, 3)``."""
     vectors = np.random.default_rng(seed).normal(size=(count, 3))
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    units: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return units
 
 
 def rotation(seed: int) -> Array:
@@ -70,7 +71,7 @@ def rotation_matrix(turn: Array, bands: int) -> Array:
     """Least squares from samples: ``Y(Rω) = M Y(ω)``."""
     ω = directions(4 * bands * bands, seed=99)
     solution = np.linalg.lstsq(basis(ω, bands), basis(ω @ turn.T, bands), rcond=None)[0]
-    return solution.T
+    return np.asarray(solution.T, dtype=np.float64)
 
 
 @cache

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import sphericart
@@ -19,16 +21,16 @@ POLES_AND_AXES = np.vstack([np.eye(3), -np.eye(3)])
 SAMPLE = np.vstack([reference.directions(2000), POLES_AND_AXES])
 
 
-def test_matches_the_definition():
+def test_matches_the_definition() -> None:
     np.testing.assert_allclose(evaluate(SAMPLE, BANDS), reference.basis(SAMPLE, BANDS), rtol=0, atol=3e-14)
 
 
-def test_matches_sphericart():
+def test_matches_sphericart() -> None:
     theirs = sphericart.SphericalHarmonics(BANDS - 1).compute(SAMPLE)
     np.testing.assert_allclose(evaluate(SAMPLE, BANDS), theirs, rtol=0, atol=4e-14)
 
 
-def test_matches_scipy_without_its_phase():
+def test_matches_scipy_without_its_phase() -> None:
     ours = evaluate(SAMPLE, BANDS)
     polar, azimuth = np.arccos(np.clip(SAMPLE[:, 2], -1, 1)), np.arctan2(SAMPLE[:, 1], SAMPLE[:, 0])
     for degree in range(BANDS):
@@ -41,7 +43,7 @@ def test_matches_scipy_without_its_phase():
                 np.testing.assert_allclose(ours[:, minus], factor * theirs.imag, rtol=0, atol=3e-14)
 
 
-def test_first_nine_constants():
+def test_first_nine_constants() -> None:
     x, y, z = 2 / 7, -3 / 7, 6 / 7
     expected = [
         0.28209479,
@@ -57,20 +59,20 @@ def test_first_nine_constants():
     np.testing.assert_allclose(evaluate([x, y, z], 3), expected, rtol=0, atol=1e-8)
 
 
-def test_is_orthonormal():
+def test_is_orthonormal() -> None:
     points, weights = reference.sphere_quadrature(2 * (BANDS - 1))
     values = evaluate(points, BANDS)
     np.testing.assert_allclose(values.T @ (weights[:, np.newaxis] * values), np.eye(BANDS**2), rtol=0, atol=2e-14)
 
 
-def test_addition_theorem():
+def test_addition_theorem() -> None:
     squares = evaluate(SAMPLE, BANDS) ** 2
     for degree in range(BANDS):
         total = squares[:, degree**2 : (degree + 1) ** 2].sum(axis=1)
         np.testing.assert_allclose(total, (2 * degree + 1) / (4 * np.pi), rtol=0, atol=5e-14)
 
 
-def test_float32_stays_within_its_bound_also_at_the_poles():
+def test_float32_stays_within_its_bound_also_at_the_poles() -> None:
     single = evaluate(SAMPLE.astype(np.float32), BANDS, np.float32)
     exact = evaluate(SAMPLE.astype(np.float32).astype(np.float64), BANDS)
     assert single.dtype == np.float32
@@ -78,15 +80,15 @@ def test_float32_stays_within_its_bound_also_at_the_poles():
     assert np.abs(single - exact).max() < 2.9e-6
 
 
-def test_constant_light():
+def test_constant_light() -> None:
     points, weights = reference.sphere_quadrature(8)
     coefficients = weights @ evaluate(points, 5)
     expected = np.zeros(25)
     expected[0] = 3.5449077018110318
-    np.testing.assert_allclose(coefficients, expected, rtol=0, atol=2e-15 * 10)
+    np.testing.assert_allclose(coefficients, expected, rtol=0, atol=2e-14)
 
 
-def test_half_space_light():
+def test_half_space_light() -> None:
     # L = 1 for z > 0, integrated over the upper hemisphere alone.
     z, weights = np.polynomial.legendre.leggauss(20)
     z, weights = (z + 1) / 2, weights / 2
@@ -98,7 +100,7 @@ def test_half_space_light():
 
 @given(seed=st.integers(0, 2**32 - 1), bands=st.integers(1, BANDS))
 @settings(max_examples=30, deadline=None)
-def test_gradient_agrees_with_differences_and_is_tangential(seed, bands):
+def test_gradient_agrees_with_differences_and_is_tangential(seed: int, bands: int) -> None:
     ω = reference.directions(1, seed)[0]
     values, gradient = evaluate_with_gradient(ω, bands)
     np.testing.assert_allclose(values, evaluate(ω, bands), rtol=0, atol=1e-14)
@@ -111,7 +113,7 @@ def test_gradient_agrees_with_differences_and_is_tangential(seed, bands):
     np.testing.assert_allclose(gradient @ tangent, difference, rtol=0, atol=1e-7)
 
 
-def test_gradient_agrees_with_sphericart():
+def test_gradient_agrees_with_sphericart() -> None:
     _, theirs = sphericart.SphericalHarmonics(BANDS - 1).compute_with_gradients(SAMPLE)
     values, ours = evaluate_with_gradient(SAMPLE, BANDS)
     # sphericart's gradient is that of the homogeneous extension of degree 0, which is tangential as well.
@@ -121,7 +123,7 @@ def test_gradient_agrees_with_sphericart():
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("shape", [(3,), (1, 3), (4, 5, 3), (0, 3), (2, 0, 3)])
-def test_shapes(shape, dtype):
+def test_shapes(shape: tuple[int, ...], dtype: Any) -> None:
     ω = np.zeros(shape)
     ω[..., 2] = 1
     values = evaluate(ω, 4, dtype)
@@ -132,15 +134,15 @@ def test_shapes(shape, dtype):
     assert gradients.shape == (*shape[:-1], 16, 3)
 
 
-def test_accepts_strided_and_integer_input():
+def test_accepts_strided_and_integer_input() -> None:
     ω = np.asfortranarray(SAMPLE[:10])
     np.testing.assert_array_equal(evaluate(ω, 5), evaluate(ω.copy(), 5))
     np.testing.assert_array_equal(evaluate([0, 0, 1], 5), evaluate([0.0, 0.0, 1.0], 5))
 
 
-def test_building_blocks_work_in_other_kernels():
+def test_building_blocks_work_in_other_kernels() -> None:
     @njit
-    def kernel(ω, out64, out32, q):
+    def kernel(ω: np.ndarray, out64: np.ndarray, out32: np.ndarray, q: np.ndarray) -> None:
         basis_at(ω[0], ω[1], ω[2], 5, out64)
         basis_at_float32(np.float32(ω[0]), np.float32(ω[1]), np.float32(ω[2]), 5, out32)
         legendre_at(ω[2], 5, q)
@@ -158,17 +160,17 @@ def test_building_blocks_work_in_other_kernels():
 
 
 @pytest.mark.parametrize("bands", [0, -1, 12])
-def test_refuses_bands_out_of_range(bands):
+def test_refuses_bands_out_of_range(bands: int) -> None:
     with pytest.raises(ValueError, match="outside 1 … 11"):
         evaluate([0, 0, 1], bands)
 
 
 @pytest.mark.parametrize("shape", [(), (2,), (3, 2)])
-def test_refuses_other_shapes(shape):
+def test_refuses_other_shapes(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="x, y, z"):
         evaluate(np.zeros(shape), 3)
 
 
-def test_refuses_other_precisions():
+def test_refuses_other_precisions() -> None:
     with pytest.raises(ValueError, match="float16"):
         evaluate([0, 0, 1], 3, np.float16)

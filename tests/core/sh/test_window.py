@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +13,7 @@ from scipy.special import roots_legendre
 from tests.support import reference_sh as reference
 
 from lightwell.conventions import degree_of_index
-from lightwell.settings import WindowSettings
+from lightwell.settings import WindowKind, WindowSettings
 from lightwell.sh import window
 from lightwell.sh.basis import evaluate
 from lightwell.sh.lobes import lambert_zonal
@@ -22,23 +24,25 @@ from lightwell.sh.window import WindowStage, apply_window, fixed_window, laplaci
 Z = np.array([0.0, 0.0, 1.0])
 U = np.linspace(-1, 1, 20001)
 seeds = st.integers(0, 2**32 - 1)
+FIXED: list[WindowKind] = ["none", "hann", "lanczos", "nonneg"]
+TARGETS: list[window.Target] = ["irradiance", "radiance"]
 
 
-def series(zonal):
+def series(zonal: Any) -> np.ndarray:
     """A zonal lobe along u = cos θ."""
     return np.polynomial.legendre.legval(U, np.asarray(zonal) * (2 * np.arange(len(zonal)) + 1) / (4 * np.pi))
 
 
-def irradiance_kernel(weights):
+def irradiance_kernel(weights: Any) -> np.ndarray:
     return series(np.asarray(weights) * lambert_zonal(len(weights)))
 
 
-def relative_error(kernel):
+def relative_error(kernel: np.ndarray) -> float:
     cosine = np.maximum(U, 0)
-    return np.sqrt(np.trapezoid((kernel - cosine) ** 2, U) / np.trapezoid(cosine**2, U))
+    return float(np.sqrt(np.trapezoid((kernel - cosine) ** 2, U) / np.trapezoid(cosine**2, U)))
 
 
-def probe(seed, bands, lights=None):
+def probe(seed: int, bands: int, lights: int | None = None) -> np.ndarray:
     """Non-negative light: RGB directional lights over ambient light, projected."""
     generator = np.random.default_rng(seed)
     count = lights or 1 + seed % 5
@@ -48,7 +52,7 @@ def probe(seed, bands, lights=None):
     return coefficients
 
 
-def least_irradiance(coefficients, count=None):
+def least_irradiance(coefficients: np.ndarray, count: int | None = None) -> np.ndarray:
     """Least irradiance over the sphere of each channel, from the first ``count`` coefficients."""
     bands = int(np.sqrt(len(coefficients)))
     scaled = apply_window(coefficients, lambert_zonal(bands))[:count]
@@ -58,13 +62,13 @@ def least_irradiance(coefficients, count=None):
 # Fixed windows -------------------------------------------------------------------------------------------------------
 
 
-def test_named_windows_of_three_bands():
+def test_named_windows_of_three_bands() -> None:
     np.testing.assert_array_equal(fixed_window("none", 3), [1, 1, 1])
     np.testing.assert_allclose(fixed_window("hann", 3), [1, 0.75, 0.25], rtol=1e-15)
     np.testing.assert_allclose(fixed_window("lanczos", 3), [1, 0.827, 0.413], atol=5e-4)
 
 
-def test_width():
+def test_width() -> None:
     np.testing.assert_allclose(fixed_window("hann", 5, width=2), [1, 0.5, 0, 0, 0], atol=1e-16)
     np.testing.assert_allclose(fixed_window("lanczos", 5, width=2)[2:], 0, atol=1e-16)
     for kind in ("hann", "lanczos"):
@@ -72,7 +76,7 @@ def test_width():
         np.testing.assert_array_equal(fixed_window(kind, 5), fixed_window(kind, 5, width=5))
 
 
-def test_directional_light_without_window():
+def test_directional_light_without_window() -> None:
     kernel = irradiance_kernel(np.ones(3))
     np.testing.assert_allclose(kernel, (15 * U**2 + 16 * U + 3) / 32, rtol=0, atol=1e-15)
     assert kernel.min() == pytest.approx(-19 / 480, abs=1e-9)
@@ -81,30 +85,31 @@ def test_directional_light_without_window():
 
 
 @pytest.mark.parametrize(("bands", "plain", "hann"), [(3, -0.2, -0.0667), (4, -0.25, -0.0463), (5, -0.1517, -0.0381)])
-def test_hann_does_not_remove_negative_radiance(bands, plain, hann):
+def test_hann_does_not_remove_negative_radiance(bands: int, plain: float, hann: float) -> None:
     for weights, expected in ((np.ones(bands), plain), (fixed_window("hann", bands), hann)):
         kernel = series(weights)
         assert kernel.min() / kernel[-1] == pytest.approx(expected, abs=6e-5)
 
 
 @pytest.mark.parametrize(("width", "least"), [(3, -0.0469), (4, -0.0224), (6, -0.0219)])
-def test_hann_of_irradiance(width, least):
+def test_hann_of_irradiance(width: float, least: float) -> None:
     kernel = irradiance_kernel(fixed_window("hann", 3, width=width))
     assert kernel.min() == pytest.approx(least, abs=5e-5)
 
 
-def test_hann_of_irradiance_is_worse_than_nothing():
+def test_hann_of_irradiance_is_worse_than_nothing() -> None:
     kernel = irradiance_kernel(fixed_window("hann", 3))
     assert kernel[0] == kernel.min() < irradiance_kernel(np.ones(3)).min()
     assert relative_error(kernel) == pytest.approx(0.324, abs=5e-4)
 
 
-def test_widest_windows_that_keep_irradiance_positive():
+def test_widest_windows_that_keep_irradiance_positive() -> None:
     # Up to w = 2 only h_1 is left, and ¼ + ½ h_1 u is non-negative up to h_1 = ½: w = 2 for Hanning, sinc(1/w) = ½ for
     # Lanczos. Beyond, the least irradiance falls below zero.
     lanczos = brentq(lambda w: np.sinc(1 / w) - 0.5, 1.1, 2)
     assert lanczos == pytest.approx(1.657, abs=5e-4)
-    for kind, widest in (("hann", 2.0), ("lanczos", lanczos)):
+    widths: dict[WindowKind, float] = {"hann": 2.0, "lanczos": lanczos}
+    for kind, widest in widths.items():
         assert irradiance_kernel(fixed_window(kind, 3, width=widest)).min() == pytest.approx(0, abs=1e-15)
         for width in np.linspace(1.05, widest, 20):
             assert irradiance_kernel(fixed_window(kind, 3, width=width)).min() >= -1e-15
@@ -112,7 +117,7 @@ def test_widest_windows_that_keep_irradiance_positive():
             assert irradiance_kernel(fixed_window(kind, 3, width=width)).min() < 0
 
 
-def test_kernel_a_of_maths_is_a_perfect_square():
+def test_kernel_a_of_maths_is_a_perfect_square() -> None:
     weights = [1, np.sqrt(3) / 2, 4 / 5]
     np.testing.assert_allclose(irradiance_kernel(weights), 3 / 8 * (U + 1 / np.sqrt(3)) ** 2, rtol=0, atol=1e-15)
     light = apply_window(evaluate(Z, 3), weights)
@@ -123,7 +128,7 @@ def test_kernel_a_of_maths_is_a_perfect_square():
     assert relative_error(irradiance_kernel(weights)) == pytest.approx(0.147, abs=5e-4)
 
 
-def test_kernel_b_is_the_least_squares_optimum():
+def test_kernel_b_is_the_least_squares_optimum() -> None:
     weights = fixed_window("nonneg", 3)
     np.testing.assert_allclose(weights, [1, 0.8579, 0.9094], atol=5e-5)
     kernel = irradiance_kernel(weights)
@@ -131,7 +136,7 @@ def test_kernel_b_is_the_least_squares_optimum():
     assert kernel[-1] == pytest.approx(0.963, abs=5e-4)
     assert relative_error(kernel) == pytest.approx(0.137, abs=5e-4)
 
-    def squared_error(shift):
+    def squared_error(shift: float) -> float:
         mean = shift**2 + 1 / 3
         off = np.array([shift / mean, 8 / (15 * mean)]) - 1
         return np.sum((off * lambert_zonal(3)[1:]) ** 2 * [3, 5])
@@ -143,7 +148,7 @@ def test_kernel_b_is_the_least_squares_optimum():
     assert squared_error(a) < min(squared_error(a - 0.01), squared_error(a + 0.01))
 
 
-def test_two_bands_of_irradiance():
+def test_two_bands_of_irradiance() -> None:
     np.testing.assert_array_equal(fixed_window("nonneg", 2), [1, 0.5])
     assert irradiance_kernel([1, 0.5]).min() == pytest.approx(0, abs=1e-16)
 
@@ -160,24 +165,24 @@ def test_two_bands_of_irradiance():
         (7, [1, 0.861136, 0.655408, 0.428389, 0.235438, 0.098352, 0.026356]),
     ],
 )
-def test_kernels_c_of_maths(bands, expected):
+def test_kernels_c_of_maths(bands: int, expected: Any) -> None:
     np.testing.assert_allclose(fixed_window("nonneg", bands, target="radiance"), expected, rtol=0, atol=5.1e-7)
 
 
 @pytest.mark.parametrize("bands", range(1, 12))
-def test_kernels_c_are_never_negative(bands):
+def test_kernels_c_are_never_negative(bands: int) -> None:
     assert series(fixed_window("nonneg", bands, target="radiance")).min() >= -1e-14
 
 
 @pytest.mark.parametrize("bands", [3, 5, 7, 9, 11])
-def test_kernels_c_have_the_largest_linear_weight(bands):
+def test_kernels_c_have_the_largest_linear_weight(bands: int) -> None:
     largest_root = roots_legendre((bands - 1) // 2 + 1)[0].max()
     assert fixed_window("nonneg", bands, target="radiance")[1] == pytest.approx(largest_root, rel=1e-13)
 
 
 @given(seed=seeds, bands=st.integers(1, 8))
 @settings(max_examples=30, deadline=None)
-def test_nonneg_windows_leave_nothing_negative(seed, bands):
+def test_nonneg_windows_leave_nothing_negative(seed: int, bands: int) -> None:
     coefficients = probe(seed, bands)
     scale = coefficients[0].max()
     for_diffuse = apply_window(coefficients, fixed_window("nonneg", bands))
@@ -187,15 +192,15 @@ def test_nonneg_windows_leave_nothing_negative(seed, bands):
     assert min(minimum(channel)[0] for channel in for_glossy.T) >= -1e-13 * scale
 
 
-def test_constant_light_passes_every_window():
+def test_constant_light_passes_every_window() -> None:
     coefficients = np.zeros((25, 3))
     coefficients[0] = [1, 2, 3]
-    for kind in ("none", "hann", "lanczos", "nonneg"):
-        for target in ("irradiance", "radiance"):
+    for kind in FIXED:
+        for target in TARGETS:
             np.testing.assert_array_equal(
                 apply_window(coefficients, fixed_window(kind, 5, target=target)), coefficients
             )
-    for target in ("irradiance", "radiance"):
+    for target in TARGETS:
         assert weakest_strength(coefficients, target) == 0
 
 
@@ -203,7 +208,7 @@ def test_constant_light_passes_every_window():
     ("arguments", "reason"),
     [(("auto", 3), "no fixed window"), (("hann", 3, 0.0), "width"), (("none", 0), "outside 1 … 11")],
 )
-def test_refuses_bad_windows(arguments, reason):
+def test_refuses_bad_windows(arguments: tuple[Any, ...], reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         fixed_window(*arguments)
 
@@ -212,14 +217,14 @@ def test_refuses_bad_windows(arguments, reason):
 
 
 @pytest.mark.parametrize(("bands", "strength"), [(3, 0.1777), (4, 0.1777), (5, 0.1804)])
-def test_strength_for_a_directional_light(bands, strength):
+def test_strength_for_a_directional_light(bands: int, strength: float) -> None:
     coefficients = evaluate(reference.directions(1)[0], bands)[:, np.newaxis]
     assert weakest_strength(coefficients) == pytest.approx(strength, abs=5.1e-5)
     peak = irradiance_kernel(laplacian_window(strength, bands))[-1]
     assert peak == pytest.approx(0.58, abs=0.005)
 
 
-def test_two_bands():
+def test_two_bands() -> None:
     coefficients = evaluate(Z, 2)[:, np.newaxis]
     # ¼ + ½ h_1 u is non-negative up to h_1 = ½: λ = ¼.
     assert weakest_strength(coefficients) == pytest.approx(0.25, abs=1e-5)
@@ -227,16 +232,16 @@ def test_two_bands():
 
 @given(seed=seeds, bands=st.integers(1, 8), target=st.sampled_from(["irradiance", "radiance"]))
 @settings(max_examples=30, deadline=None)
-def test_automatic_window_is_feasible_and_weakest(seed, bands, target):
+def test_automatic_window_is_feasible_and_weakest(seed: int, bands: int, target: window.Target) -> None:
     coefficients = probe(seed, bands)
     scale = coefficients[0].max()
     strength = weakest_strength(coefficients, target)
 
-    def least(λ):
+    def least(λ: float) -> float:
         windowed = apply_window(coefficients, laplacian_window(λ, bands))
         if target == "radiance":
             return min(minimum(channel)[0] for channel in windowed.T)
-        return min(least_irradiance(windowed).min(), least_irradiance(windowed, min(bands**2, 9)).min())
+        return float(min(least_irradiance(windowed).min(), least_irradiance(windowed, min(bands**2, 9)).min()))
 
     assert least(strength) >= -1e-11 * scale
     if strength > 0:
@@ -244,20 +249,20 @@ def test_automatic_window_is_feasible_and_weakest(seed, bands, target):
         assert weaker <= 0 or least(weaker) < 0
 
 
-def test_one_window_for_all_channels():
+def test_one_window_for_all_channels() -> None:
     coefficients = np.outer(evaluate(Z, 3), [1.0, 1.0, 1.0])
     coefficients[0, 1:] += 10
     assert weakest_strength(coefficients) == pytest.approx(weakest_strength(coefficients[:, :1]), rel=1e-12)
 
 
-def test_channels_without_positive_mean_are_left_out():
+def test_channels_without_positive_mean_are_left_out() -> None:
     coefficients = np.outer(evaluate(Z, 3), [0.0, 0.0, 0.0])
     assert weakest_strength(coefficients) == 0
     coefficients[0] = [1, -1, 0]
     assert weakest_strength(coefficients) == 0
 
 
-def test_hopeless_light_gets_the_strongest_window():
+def test_hopeless_light_gets_the_strongest_window() -> None:
     coefficients = np.zeros((9, 1))
     coefficients[0], coefficients[2] = 1e-12, 1.0
     assert weakest_strength(coefficients) == pytest.approx(window.MAX_STRENGTH, rel=1e-6)
@@ -266,7 +271,7 @@ def test_hopeless_light_gets_the_strongest_window():
 # Windows in time -----------------------------------------------------------------------------------------------------
 
 
-def stage(bands=3, **settings):
+def stage(bands: int = 3, **settings: Any) -> WindowStage:
     return WindowStage(WindowSettings(kind="auto", **settings), bands)
 
 
@@ -275,7 +280,7 @@ OVERCAST = np.outer(np.eye(9)[0], np.ones(3)) + 0.05 * SUN
 SECOND = 1_000_000_000
 
 
-def test_a_stronger_window_is_applied_at_once():
+def test_a_stronger_window_is_applied_at_once() -> None:
     windows = stage(smoothing_seconds=10)
     assert windows.update(OVERCAST, 0)[2] == 0
     windowed, weights, strength = windows.update(SUN, SECOND // 30)
@@ -285,7 +290,7 @@ def test_a_stronger_window_is_applied_at_once():
 
 
 @pytest.mark.parametrize("fps", [25, 30, 60])
-def test_a_weaker_window_is_approached_with_the_time_constant(fps):
+def test_a_weaker_window_is_approached_with_the_time_constant(fps: int) -> None:
     windows = stage(smoothing_seconds=0.5)
     first = windows.update(SUN, 0)[2]
     for frame in range(1, fps + 1):
@@ -299,7 +304,7 @@ def test_a_weaker_window_is_approached_with_the_time_constant(fps):
 
 @given(seed=seeds, bands=st.integers(2, 6), target=st.sampled_from(["irradiance", "radiance"]))
 @settings(max_examples=10, deadline=None)
-def test_smoothing_never_shows_negative_light(seed, bands, target):
+def test_smoothing_never_shows_negative_light(seed: int, bands: int, target: window.Target) -> None:
     windows = stage(bands, target=target, smoothing_seconds=0.2)
     for frame in range(20):
         coefficients = probe(seed + frame // 4, bands)
@@ -313,7 +318,7 @@ def test_smoothing_never_shows_negative_light(seed, bands, target):
         assert least >= -1e-11 * coefficients[0].max()
 
 
-def test_a_relaxing_strength_that_would_not_do_is_raised():
+def test_a_relaxing_strength_that_would_not_do_is_raised() -> None:
     # E = ¼ + 0.35 u + 0.1 P_2(u) is zero at u = −1. A weak window takes more off P_2, which holds it up there.
     light = apply_window(SUN[:, :1], [1, 0.7, 0.32])
     assert weakest_strength(light) == 0
@@ -329,7 +334,7 @@ def test_a_relaxing_strength_that_would_not_do_is_raised():
     assert strength == 0
 
 
-def test_time_running_backwards_and_reset_start_anew():
+def test_time_running_backwards_and_reset_start_anew() -> None:
     for again in ("backwards", "reset"):
         windows = stage(smoothing_seconds=10)
         windows.update(SUN, SECOND)
@@ -338,13 +343,13 @@ def test_time_running_backwards_and_reset_start_anew():
         assert windows.update(OVERCAST, 0 if again == "backwards" else 2 * SECOND)[2] == 0
 
 
-def test_no_smoothing():
+def test_no_smoothing() -> None:
     windows = stage(smoothing_seconds=0)
     windows.update(SUN, 0)
     assert windows.update(OVERCAST, SECOND // 30)[2] == 0
 
 
-def test_fixed_windows_in_the_stage():
+def test_fixed_windows_in_the_stage() -> None:
     windows = WindowStage(WindowSettings(kind="hann", width=4), 3)
     windowed, weights, strength = windows.update(SUN, 0)
     np.testing.assert_array_equal(weights, fixed_window("hann", 3, width=4))
@@ -352,7 +357,7 @@ def test_fixed_windows_in_the_stage():
     assert strength == 0
 
 
-def test_apply_window_keeps_shapes():
+def test_apply_window_keeps_shapes() -> None:
     coefficients = np.random.default_rng(0).normal(size=(9, 3, 3))
     weights = np.array([1, 0.5, 0.25])
     np.testing.assert_array_equal(
