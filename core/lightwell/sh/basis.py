@@ -4,7 +4,7 @@ Each basis function is ``Y_l,±m = Q_lm(z) · {c_m, s_m}(x, y)``: a polynomial i
 times ``sinᵐθ cos mφ`` or ``sinᵐθ sin mφ``. Both factors follow from two-term recurrences without trigonometry, without
 poles and without cancellation (MATHS §1; the same recurrence as Filament's ``CubemapSH`` and sphericart).
 
-`basis_at` and `legendre_at` are building blocks for other numba kernels.
+`basis_at`, `basis_at_float32` and `legendre_at` are building blocks for other numba kernels.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from numba import njit
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from lightwell.conventions import MAX_BANDS
-
-__all__ = ["basis_at", "basis_at_float32", "evaluate", "evaluate_with_gradient", "legendre_at"]
 
 
 def _recurrence_tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -34,14 +32,17 @@ def _recurrence_tables() -> tuple[NDArray[np.float64], NDArray[np.float64], NDAr
     return a, a * b, diagonal
 
 
-_A, _AB, _DIAGONAL = _recurrence_tables()
-_Y00 = 1 / np.sqrt(4 * np.pi)
+RECURRENCE_A, RECURRENCE_AB, SECTORAL_RATIO = _recurrence_tables()
+"""``Q_lm = A[l, m] z Q_{l−1,m} − AB[l, m] Q_{l−2,m}`` and ``Q_mm = SECTORAL_RATIO[m] Q_{m−1,m−1}``."""
+
+Y00 = 1 / np.sqrt(4 * np.pi)
+"""Value of the constant basis function."""
 
 
 def _compile_basis_at(dtype: DTypeLike) -> Any:  # noqa: ANN401  numba's dispatcher has no public type
     """Return the kernel of `basis_at` that computes in ``dtype`` throughout."""
-    a, ab, diagonal = _A.astype(dtype), _AB.astype(dtype), _DIAGONAL.astype(dtype)
-    zero, y00 = np.zeros(1, dtype)[0], np.full(1, _Y00, dtype)[0]
+    a, ab, diagonal = RECURRENCE_A.astype(dtype), RECURRENCE_AB.astype(dtype), SECTORAL_RATIO.astype(dtype)
+    zero, y00 = np.zeros(1, dtype)[0], np.full(1, Y00, dtype)[0]
 
     @njit(cache=True, nogil=True, fastmath={"contract"})
     def kernel(x, y, z, bands, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
@@ -81,13 +82,13 @@ def legendre_at(z, bands, out):  # type: ignore[no-untyped-def]  # noqa: ANN001,
     The part of the basis that depends on z alone: a lat-long row shares it. ``Y_l,m = Q_lm sinᵐθ cos mφ`` and
     ``Y_l,−m = Q_lm sinᵐθ sin mφ``. Entries with m > l are left alone.
     """
-    sectoral = _Y00
+    sectoral = Y00
     for m in range(bands):
-        sectoral *= _DIAGONAL[m]
+        sectoral *= SECTORAL_RATIO[m]
         before, q = 0.0, sectoral
         out[m, m] = q
         for degree in range(m + 1, bands):
-            before, q = q, _A[degree, m] * z * q - _AB[degree, m] * before
+            before, q = q, RECURRENCE_A[degree, m] * z * q - RECURRENCE_AB[degree, m] * before
             out[degree, m] = q
 
 
@@ -148,16 +149,16 @@ def evaluate(directions: ArrayLike, bands: int, dtype: DTypeLike = np.float64) -
 def _evaluate_with_gradient(directions, bands, values, gradients):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     for i in range(directions.shape[0]):
         x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
-        cosine, sine, cosine_below, sine_below, sectoral = 1.0, 0.0, 0.0, 0.0, _Y00
+        cosine, sine, cosine_below, sine_below, sectoral = 1.0, 0.0, 0.0, 0.0, Y00
         for m in range(bands):
             if m > 0:
                 cosine_below, sine_below = cosine, sine
                 cosine, sine = x * cosine_below - y * sine_below, x * sine_below + y * cosine_below
-            sectoral *= _DIAGONAL[m]
+            sectoral *= SECTORAL_RATIO[m]
             q, q_before, slope, slope_before = sectoral, 0.0, 0.0, 0.0
             for degree in range(m, bands):
                 if degree > m:
-                    a, ab = _A[degree, m], _AB[degree, m]
+                    a, ab = RECURRENCE_A[degree, m], RECURRENCE_AB[degree, m]
                     slope, slope_before = a * (q + z * slope) - ab * slope_before, slope
                     q, q_before = a * z * q - ab * q_before, q
                 centre = degree * degree + degree

@@ -27,9 +27,13 @@ is found by evaluating the engine's basis at ``engine_from_world @ ω``.
 
 Axes
     y-up engines: world +Z is engine +y. For the right-handed ones that is a turn of −90° about x, as in a glTF export
-    from a z-up program. Unity swaps y and z, Unreal negates y (as its FBX and USD importers do); both change
-    handedness, so the matrix is a reflection: a rotation times the parity ``(−1)^l``. Unreal's centimetres do not
-    matter for distant light.
+    from a z-up program. Unity and Unreal are left-handed, so the change of axes is a reflection: a rotation times the
+    parity ``(−1)^l``. Unity gets y and z swapped (world +Y is Unity's forward); its glTF importers negate x instead,
+    and a scene that came that way is turned by half about up: turn the light with it, by 180° about world +Z, before
+    converting. Unreal gets y negated; its centimetres do not matter for distant light.
+Layout
+    Coefficient-major, ``(bands², 3)``. Engines that keep one vector a channel (Unity, Unreal, DirectXMath) take a
+    column each.
 Sign
     ``(−1)^m`` is the Condon–Shortley phase: only odd m change sign, which looks like a half turn about the polar axis
     when it is forgotten.

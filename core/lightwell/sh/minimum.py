@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from lightwell.conventions import bands_of_count
-from lightwell.sh.basis import _A, _AB, _DIAGONAL, _Y00, evaluate
+from lightwell.sh.basis import RECURRENCE_A, RECURRENCE_AB, SECTORAL_RATIO, Y00, evaluate
 
 _STARTS = 4
 _NEWTON_STEPS = 12
@@ -199,15 +199,15 @@ def _quadratic_minimum(c):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN2
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _value_at(c, bands, x, y, z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    cosine, sine, sectoral, value = 1.0, 0.0, _Y00, 0.0
+    cosine, sine, sectoral, value = 1.0, 0.0, Y00, 0.0
     for m in range(bands):
         if m > 0:
             cosine, sine = x * cosine - y * sine, x * sine + y * cosine
-        sectoral *= _DIAGONAL[m]
+        sectoral *= SECTORAL_RATIO[m]
         q, q_before = sectoral, 0.0
         for degree in range(m, bands):
             if degree > m:
-                q, q_before = _A[degree, m] * z * q - _AB[degree, m] * q_before, q
+                q, q_before = RECURRENCE_A[degree, m] * z * q - RECURRENCE_AB[degree, m] * q_before, q
             centre = degree * degree + degree
             value += q * c[centre + m] * cosine
             if m > 0:
@@ -221,19 +221,19 @@ def _derivatives_at(c, bands, x, y, z, gradient, hessian):  # type: ignore[no-un
     gradient[:] = 0.0
     hessian[:] = 0.0
     cosine, sine, cosine1, sine1, cosine2, sine2 = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    sectoral = _Y00
+    sectoral = Y00
     for m in range(bands):
         if m > 0:
             cosine2, sine2 = cosine1, sine1
             cosine1, sine1 = cosine, sine
             cosine, sine = x * cosine1 - y * sine1, x * sine1 + y * cosine1
-        sectoral *= _DIAGONAL[m]
+        sectoral *= SECTORAL_RATIO[m]
         # Sums over the degree of c_l,±m times Q, Q' and Q''.
         u, v, u1, v1, u2, v2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         q, q_before, slope, slope_before, bend, bend_before = sectoral, 0.0, 0.0, 0.0, 0.0, 0.0
         for degree in range(m, bands):
             if degree > m:
-                a, ab = _A[degree, m], _AB[degree, m]
+                a, ab = RECURRENCE_A[degree, m], RECURRENCE_AB[degree, m]
                 bend, bend_before = a * (2 * slope + z * bend) - ab * bend_before, bend
                 slope, slope_before = a * (q + z * slope) - ab * slope_before, slope
                 q, q_before = a * z * q - ab * q_before, q

@@ -15,10 +15,19 @@ from lightwell.sh.lobes import lambert_zonal, phong_zonal
 
 
 def convolve(coefficients: ArrayLike, zonal: ArrayLike) -> NDArray[np.float64]:
-    """Return ``k_l c_lm``: coefficients ``(bands², ...)`` blurred by a lobe with the factors k, ``(bands,)``."""
+    """Return ``k_l c_lm``: coefficients ``(bands², ...)`` blurred by a lobe with the factors k, ``(bands,)``.
+
+    Raises
+    ------
+    ValueError
+        Where the two have not the same bands.
+    """
     array = np.asarray(coefficients, dtype=np.float64)
-    factors = np.asarray(zonal, dtype=np.float64)[degree_of_index(bands_of_count(array.shape[0]))]
-    return array * factors.reshape(-1, *[1] * (array.ndim - 1))
+    factors = np.asarray(zonal, dtype=np.float64)
+    bands = bands_of_count(array.shape[0])
+    if factors.shape != (bands,):
+        raise ValueError(f"{bands} bands need as many factors, not an array of the shape {factors.shape}")
+    return array * factors[degree_of_index(bands)].reshape(-1, *[1] * (array.ndim - 1))
 
 
 def radiance(coefficients: ArrayLike, directions: ArrayLike) -> NDArray[np.float64]:

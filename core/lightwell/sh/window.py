@@ -36,6 +36,7 @@ from lightwell.conventions import MAX_BANDS, bands_of_count, degree_of_index
 from lightwell.settings import WindowKind, WindowSettings
 from lightwell.sh.lobes import lambert_zonal
 from lightwell.sh.minimum import is_at_least
+from lightwell.sh.shading import convolve
 
 Target = Literal["radiance", "irradiance"]
 
@@ -94,10 +95,14 @@ def fixed_window(
 
 
 def apply_window(coefficients: ArrayLike, weights: ArrayLike) -> NDArray[np.float64]:
-    """Return ``h_l c_lm``, the shape of ``coefficients``, ``(bands², ...)``, float64; ``weights`` is ``(bands,)``."""
-    array = np.asarray(coefficients, dtype=np.float64)
-    factors = np.asarray(weights, dtype=np.float64)[degree_of_index(bands_of_count(array.shape[0]))]
-    return array * factors.reshape(-1, *[1] * (array.ndim - 1))
+    """Return ``h_l c_lm``, the shape of ``coefficients``, ``(bands², ...)``, float64; ``weights`` is ``(bands,)``.
+
+    Raises
+    ------
+    ValueError
+        Where the two have not the same bands.
+    """
+    return convolve(coefficients, weights)
 
 
 def laplacian_window(strength: float, bands: int) -> NDArray[np.float64]:

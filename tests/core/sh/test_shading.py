@@ -84,3 +84,8 @@ def test_shapes_and_a_single_channel() -> None:
 def test_refuses_a_count_that_is_no_square() -> None:
     with pytest.raises(ValueError, match="whole number of bands"):
         convolve(np.zeros((8, 3)), np.ones(3))
+
+
+def test_refuses_factors_of_other_bands() -> None:
+    with pytest.raises(ValueError, match="3 bands need as many factors"):
+        convolve(np.zeros((9, 3)), np.ones(4))
