@@ -13,7 +13,7 @@ import {
   type PerspectiveCamera,
 } from "three";
 
-import { harmonics } from "./glsl.ts";
+import { WITHOUT_NEGATIVES, harmonics } from "./glsl.ts";
 import type { LightUniforms } from "./materials.ts";
 import { PAGE_BANDS } from "./sh.ts";
 import type { Backdrop } from "./wire.ts";
@@ -60,7 +60,8 @@ varying vec3 direction;
 #else
   uniform vec3 light[${PAGE_BANDS * PAGE_BANDS}];
   ${harmonics("lightAt", "light", PAGE_BANDS)}
-  vec3 radianceFrom(vec3 d) { return max(lightAt(d), 0.0); }
+  ${WITHOUT_NEGATIVES}
+  vec3 radianceFrom(vec3 d) { return withoutNegatives(lightAt(d)); }
 #endif
 void main() {
   gl_FragColor = vec4(radianceFrom(normalize(direction)), 1.0);

@@ -37,6 +37,18 @@ export function harmonics(name: string, coefficients: string, bands: number): st
   return [`vec3 ${name}(vec3 d) {`, "vec3 sum = vec3(0.0);", ...lines, "return sum;", "}"].join("\n  ").replace(/ {2}}$/, "}");
 }
 
+/**
+ * `vec3 withoutNegatives(vec3)`: truncated harmonics ring below zero. Move such a colour towards its luminance just so
+ * far that no channel is negative; clipping the channels would turn dark places blue or red.
+ */
+export const WITHOUT_NEGATIVES = /* glsl */ `
+vec3 withoutNegatives(vec3 rgb) {
+  float smallest = min(rgb.r, min(rgb.g, rgb.b));
+  float luminance = max(dot(rgb, vec3(0.2126, 0.7152, 0.0722)), 0.0);
+  float keep = smallest < 0.0 ? luminance / (luminance - smallest) : 1.0;
+  return luminance + keep * (rgb - luminance);
+}`;
+
 /** How many vec4 attributes carry the transfer coefficients of a vertex. */
 export const TRANSFER_SLOTS = Math.ceil((PAGE_BANDS * PAGE_BANDS) / 4);
 

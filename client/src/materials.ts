@@ -2,7 +2,7 @@
 
 import { Color, ShaderMaterial } from "three";
 
-import { harmonics, transferred } from "./glsl.ts";
+import { WITHOUT_NEGATIVES, harmonics, transferred } from "./glsl.ts";
 import { PAGE_BANDS, lambertFactors, phongFactors, scaleBands, withBands } from "./sh.ts";
 
 const COUNT = PAGE_BANDS * PAGE_BANDS;
@@ -42,9 +42,9 @@ ${harmonics("diffuseAt", "diffuse", PAGE_BANDS)}
 ${harmonics("diffuseAt", "diffuse", 3)}
 #endif
 ${harmonics("glossyAt", "glossy", PAGE_BANDS)}
+${WITHOUT_NEGATIVES}
 void main() {
   vec3 n = normalize(worldNormal);
-  vec3 reflected = reflect(normalize(worldPosition - cameraPosition), n);
   #ifdef SHADOWS
     vec3 received = irradiance;
     float open = clamp(visibility, 0.0, 1.0);
@@ -52,9 +52,14 @@ void main() {
     vec3 received = diffuseAt(n);
     float open = 1.0;
   #endif
-  vec3 matte = albedo * max(received, 0.0) / 3.14159265359;
-  vec3 polished = max(glossyAt(reflected), 0.0) * open;
-  gl_FragColor = vec4(mix(matte, polished, gloss), 1.0);
+  vec3 matte = albedo * withoutNegatives(received) / 3.14159265359;
+  #ifdef GLOSSY
+    vec3 reflected = reflect(normalize(worldPosition - cameraPosition), n);
+    vec3 polished = withoutNegatives(glossyAt(reflected)) * open;
+    gl_FragColor = vec4(mix(matte, polished, gloss), 1.0);
+  #else
+    gl_FragColor = vec4(matte, 1.0);
+  #endif
   #include <tonemapping_fragment>
   #include <colorspace_fragment>
 }`;
@@ -77,7 +82,8 @@ export class LightUniforms {
 
   /** Choose the shader's variant; it is compiled anew only when that changes. */
   apply(material: ShaderMaterial, shadows: boolean): void {
-    for (const [name, wanted] of Object.entries({ SHADOWS: shadows, MANY_BANDS: this.manyBands })) {
+    const glossy = (material.uniforms["gloss"]!.value as number) > 0;
+    for (const [name, wanted] of Object.entries({ SHADOWS: shadows, MANY_BANDS: this.manyBands, GLOSSY: glossy })) {
       if (name in material.defines === wanted) continue;
       if (wanted) material.defines[name] = 1;
       else delete material.defines[name];
@@ -91,7 +97,7 @@ export function litMaterial(light: LightUniforms, colour: string, gloss: number)
   return new ShaderMaterial({
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
-    defines: { SHADOWS: 1, MANY_BANDS: 1 },
+    defines: { SHADOWS: 1, MANY_BANDS: 1, GLOSSY: 1 },
     uniforms: {
       light: light.light,
       diffuse: light.diffuse,

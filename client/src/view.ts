@@ -33,7 +33,7 @@ export const DEFAULT_VIEW: View = {
   camera: null,
   colour: "#d8d2c8",
   gloss: 0.15,
-  exponent: 24,
+  exponent: 12,
   shadows: true,
   bands: PAGE_BANDS,
   backdrop: "picture",

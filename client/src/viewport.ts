@@ -26,9 +26,11 @@ import { EV_RANGE, change, view, type View } from "./view.ts";
 
 const FIELD_OF_VIEW_DEGREES = 30;
 const HOME_DIRECTION = new Vector3(0.3, -1, 0.3).normalize();
+/** Without a graphics card the cost of a picture is its pixels. */
+const SOFTWARE_PIXEL_RATIO = 0.75;
 const ARROW_LENGTH = 0.8;
 const BALL = { colour: "#ffffff", gloss: 0.92 };
-const TABLE = { colour: "#8d8a85", gloss: 0.02 };
+const TABLE = { colour: "#77736d", gloss: 0 };
 /** Mean radiance of the light, exposed, that looks right on the objects and behind them. */
 const METERED_LEVEL = 0.5;
 
@@ -234,7 +236,7 @@ export class Viewport {
     const { clientWidth, clientHeight } = this.canvas;
     if (clientWidth === 0 || clientHeight === 0) return;
     const { right, bottom } = this.covered;
-    this.renderer.setPixelRatio(this.isSoftware ? 1 : Math.min(devicePixelRatio, 2));
+    this.renderer.setPixelRatio(this.isSoftware ? SOFTWARE_PIXEL_RATIO : Math.min(devicePixelRatio, 2));
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
     // The middle of the picture is the middle of what the panel leaves free.

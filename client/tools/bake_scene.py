@@ -27,6 +27,7 @@ import fast_simplification
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from lightwell.sh.basis import evaluate
 
@@ -37,25 +38,42 @@ BANDS = 5
 DIRECTIONS = 2048
 DEPTH_PIXELS = 1024
 TRIANGLES_OF_BUNNY = 18_000
+NORMAL_SMOOTHING = 3
 TRANSFER_STEP = 16  # of 32767: finer than the bake is exact, and it compresses
 BUNNY_HEIGHT = 1.5
 BALL_RADIUS, BALL_CENTRE = 0.4, (0.92, -0.5, 0.4)
 TABLE_RADIUS, TABLE_CENTRE, TABLE_THICKNESS, TABLE_FILLET = 1.7, (0.12, -0.08), 0.09, 0.035
 
 
-def bunny(path: Path) -> Surface:
-    """Return positions, smooth normals and triangles of the simplified bunny, standing on z = 0."""
-    mesh = np.load(path)
-    positions, triangles = fast_simplification.simplify(mesh["v"], mesh["f"], target_count=TRIANGLES_OF_BUNNY)
-    positions = np.stack([positions[:, 0], -positions[:, 2], positions[:, 1]], axis=1).astype(np.float64)
-    positions *= BUNNY_HEIGHT / np.ptp(positions[:, 2])
-    positions -= [positions[:, 0].mean() + 0.3, positions[:, 1].mean() - 0.1, positions[:, 2].min() + 0.004]
+def smooth_normals(positions: Floats, triangles: NDArray[np.int64]) -> Floats:
+    """Return area-weighted vertex normals, averaged over neighbours to hide the scan's noise."""
     corners = positions[triangles]
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(positions)
     for corner in range(3):
         np.add.at(normals, triangles[:, corner], face)
-    return positions, normals / np.linalg.norm(normals, axis=1, keepdims=True), triangles
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for _ in range(NORMAL_SMOOTHING):
+        total = normals.copy()
+        for corner in range(3):
+            np.add.at(total, triangles[:, corner], normals[triangles[:, (corner + 1) % 3]])
+        normals = total / np.linalg.norm(total, axis=1, keepdims=True)
+    return normals
+
+
+def bunny(path: Path) -> Surface:
+    """Return positions, normals (of the full mesh) and triangles of the simplified bunny, standing on z = 0."""
+    mesh = np.load(path)
+    fine = mesh["v"].astype(np.float64)
+    positions, triangles = fast_simplification.simplify(mesh["v"], mesh["f"], target_count=TRIANGLES_OF_BUNNY)
+    nearest = cKDTree(fine).query(positions)[1]
+    normals = smooth_normals(fine, mesh["f"])[nearest]
+    positions, normals = (
+        np.stack([rows[:, 0], -rows[:, 2], rows[:, 1]], axis=1) for rows in (positions.astype(np.float64), normals)
+    )
+    positions *= BUNNY_HEIGHT / np.ptp(positions[:, 2])
+    positions -= [positions[:, 0].mean() + 0.3, positions[:, 1].mean() - 0.1, positions[:, 2].min() + 0.004]
+    return positions, normals, triangles
 
 
 def lathe(profile: Floats, profile_normals: Floats, segments: int, centre: tuple[float, float]) -> Surface:
