@@ -15,6 +15,7 @@ from tests.support import reference_sh as reference
 from tests.vectors import make_vectors
 
 from lightwell.conventions import CONVENTIONS, Convention
+from lightwell.sh.basis import evaluate
 from lightwell.sh.engines import convert, convert_directions, engine_from_world
 from lightwell.sh.rotation import rotate
 
@@ -158,6 +159,37 @@ def test_the_engines_own_formulas_find_the_light(
 def test_the_sun_overhead_is_up_in_every_engine(convention: Convention) -> None:
     up = {"three": 1, "filament": 1, "unity": 1, "unreal": 2, "sloan": 2, "lightwell": 2}
     np.testing.assert_array_equal(convert_directions([0, 0, 1], convention), np.eye(3)[up[convention]])
+
+
+def test_sloan_has_the_constants_of_directxmath() -> None:
+    # Degrees 3 to 5 of SHMath/DirectXSH.cpp, sh_eval_basis_5.
+    x, y, z = reference.directions(1)[0]
+    s2, c2 = 2 * x * y, x * x - y * y
+    s3, c3 = x * s2 + y * c2, x * c2 - y * s2
+    s4, c4 = x * s3 + y * c3, x * c3 - y * s3
+    s5, c5 = x * s4 + y * c4, x * c4 - y * s4
+    p52, p53 = (
+        z * (7.190305177459987500 * z * z - 2.396768392486662100),
+        -4.403144694917253700 * z * z + 0.489238299435250430,
+    )
+    theirs = {
+        9: -0.590043589926643520 * s3,
+        15: -0.590043589926643520 * c3,
+        17: -1.770130769779930200 * z * s3,
+        23: -1.770130769779930200 * z * c3,
+        16: 0.625835735449176030 * s4,
+        24: 0.625835735449176030 * c4,
+        28: p52 * s2,
+        32: p52 * c2,
+        27: p53 * s3,
+        33: p53 * c3,
+        26: 2.075662314881041100 * z * s4,
+        34: 2.075662314881041100 * z * c4,
+        25: -0.656382056840170150 * s5,
+        35: -0.656382056840170150 * c5,
+    }
+    ours = convert(evaluate([x, y, z], 6), "sloan")
+    np.testing.assert_allclose(ours[list(theirs)], list(theirs.values()), rtol=0, atol=1e-14)
 
 
 def test_handedness() -> None:
