@@ -3,8 +3,8 @@
 Two sequences, each a loop:
 
 ``sunset-walk``
-    A lat-long panorama through one evening: the sun crosses the sky as a disc that reddens towards the horizon, while
-    the light of the sky passes from afternoon through sunset to night and back.
+    A lat-long panorama of a square through one day: the sun crosses the sky as a disc that reddens towards the
+    horizon, and the surroundings pass from night through dusk to day and back.
 ``mirror-sphere``
     A mirror sphere that turns with its camera through a hall, seen at a finite distance: the picture that a real probe
     camera takes, black behind the sphere.
@@ -42,6 +42,9 @@ MAP_NAMES = ("esplanade", "forest", "hall", "lobby", "night", "studio", "sunset"
 
 MIRROR_SPHERE = MappingSettings(kind="mirror-sphere", sphere_radius_m=0.05, sphere_distance_m=1.25, fov_degrees=4.8)
 """A sphere at 1.25 m from the camera, as in paper 003, that all but fills the picture."""
+
+_DAY, _DUSK, _NIGHT = np.array([[1.5, 1.7, 2.0], [1.0, 0.75, 0.55], [0.03, 0.04, 0.08]], dtype=np.float32)
+"""Tint of the surroundings with the sun at its highest, at the horizon and at its lowest."""
 
 Image = NDArray[np.float32]
 
@@ -106,8 +109,8 @@ def _record(
 
 
 def _sunset_walk() -> Callable[[int], Image]:
-    afternoon, sunset, night = (_radiance(name) for name in ("forest", "sunset", "night"))
-    latlong = make_mapping(MappingSettings(), *sunset.shape[:2])
+    square = _radiance("sunset")
+    latlong = make_mapping(MappingSettings(), square.shape[0], square.shape[1])
     x, y = latlong.pixel_centres()
     directions = latlong.directions(x, y)[0].astype(np.float32)
 
@@ -116,13 +119,14 @@ def _sunset_walk() -> Callable[[int], Image]:
         height = -math.cos(phase)
         elevation = math.radians(65) * height
         azimuth = math.pi * (1.0 + math.sin(phase / 2 - math.pi / 2) * 0.6)
-        day, dusk = max(height, 0.0) ** 0.7, math.exp(-((height / 0.35) ** 2))
-        sky = day * afternoon + dusk * sunset + (1 - day) * (1 - dusk) * 2 * night
+        day, night = max(height, 0.0), max(-height, 0.0)
+        dusk = 1.0 - day - night
+        tint = day * _DAY + dusk * _DUSK + night * _NIGHT
         towards_sun = np.array(
             [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)],
             dtype=np.float32,
         )
-        return np.asarray(sky + _sun_disc(directions @ towards_sun, height), dtype=np.float32)
+        return np.asarray(square * tint + _sun_disc(directions @ towards_sun, height), dtype=np.float32)
 
     return render
 
