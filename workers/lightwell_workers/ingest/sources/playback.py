@@ -117,7 +117,7 @@ class Playback:
         pending: deque[_Pending] = deque()
         position = 0
         while not self._closed.is_set():
-            while len(pending) < self._reader.threads and self._exists(position):
+            while len(pending) <= self._reader.threads and self._exists(position):
                 pending.append(self._submit(pool, position))
                 position += 1
             if not pending:
@@ -137,19 +137,29 @@ class Playback:
         pending: deque[_Pending] = deque()
         position = 0
         start_ns: int | None = None  # the first picture is due as soon as it has been read
+        just_asked = True
         while not self._closed.is_set():
             newest_due = 0 if start_ns is None else (self._clock.steady_ns() - start_ns) // self._interval_ns
             if self._length is not None:
                 newest_due = min(newest_due, self._length - 1)
+
+            # Drop what is overtaken: pictures read ahead, when a newer one is due that is not being read yet (but not
+            # those that finish while we wait, or a slow disk would never deliver), and positions never asked for.
+            if just_asked and position <= newest_due:
+                self._drop(pending, max((i + 1 for i, p in enumerate(pending) if p.picture.done()), default=0))
+            just_asked = False
             if position < newest_due:
                 self._dropped += newest_due - position
                 position = newest_due
-            while len(pending) < self._reader.threads and self._exists(position):
+
+            # Keep the readers busy, also while the picture that is delivered next is being worked on.
+            while len(pending) <= self._reader.threads and self._exists(position):
                 pending.append(self._submit(pool, position))
                 position += 1
             if not pending:
                 return
 
+            # Wait until a picture is due and read.
             ready = [i for i, p in enumerate(pending) if p.position <= newest_due and p.picture.done()]
             if not ready:
                 due = [p.picture for p in pending if p.position <= newest_due]
@@ -158,12 +168,13 @@ class Playback:
                 elif start_ns is not None:
                     self._clock.wait_until(start_ns + pending[0].position * self._interval_ns, self._closed)
                 continue
+
+            # Deliver the newest of them.
+            self._drop(pending, ready[-1])
+            taken = pending.popleft()
             if start_ns is None:
                 start_ns = self._clock.steady_ns()
-            for _ in range(ready[-1]):
-                pending.popleft().picture.cancel()
-                self._dropped += 1
-            taken = pending.popleft()
+            just_asked = True
             try:
                 picture, source_ms = taken.picture.result()
             except EndOfRecordingError:
@@ -174,6 +185,12 @@ class Playback:
             due_ns = start_ns + taken.position * self._interval_ns
             wall_ns = self._clock.wall_ns()
             yield _frame(picture, source_ms, wall_ns - (self._clock.steady_ns() - due_ns), wall_ns)
+
+    def _drop(self, pending: deque[_Pending], count: int) -> None:
+        """Drop the first ``count``; a read that fails in them was not going to be seen."""
+        for _ in range(count):
+            pending.popleft().picture.cancel()
+            self._dropped += 1
 
     def _exists(self, position: int) -> bool:
         return self._length is None or position < self._length
