@@ -82,6 +82,20 @@ class PublishServer:
         """Send a Configure to every worker."""
         self._call(self._send_all(encode(Configure(settings=settings))))
 
+    def close_all(self, code: int, reason: str) -> None:
+        """Close every connection in the orderly way."""
+        self._call(self._close_all(code, reason))
+
+    def pause_reading(self) -> None:
+        """Take nothing from the sockets, as a server that hangs."""
+        for connection in self._connections:
+            self._loop.call_soon_threadsafe(connection.transport.pause_reading)
+
+    def resume_reading(self) -> None:
+        """Go on."""
+        for connection in self._connections:
+            self._loop.call_soon_threadsafe(connection.transport.resume_reading)
+
     def wait_for(self, condition: Callable[[PublishServer], bool], timeout: float = 20.0) -> None:
         """Wait until ``condition(self)`` holds; it is looked at after each message."""
         with self._changed:
@@ -106,6 +120,10 @@ class PublishServer:
             connection.transport.abort()
         self._server.close()
         await self._server.wait_closed()
+
+    async def _close_all(self, code: int, reason: str) -> None:
+        for connection in list(self._connections):
+            await connection.close(code, reason)
 
     async def _send_all(self, data: bytes) -> None:
         for connection in self._connections:

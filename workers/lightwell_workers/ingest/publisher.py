@@ -57,7 +57,12 @@ FINAL_CLOSE_CODES = {
 }
 """Close codes after which trying again would not help."""
 
-FINAL_HTTP_STATUSES = {401, 403}
+FINAL_HTTP_STATUSES = {
+    400: f"the server does not speak {SUBPROTOCOL}",
+    401: FINAL_CLOSE_CODES[CLOSE_UNAUTHORIZED],
+    403: FINAL_CLOSE_CODES[CLOSE_UNAUTHORIZED],
+}
+"""Answers to the opening handshake after which trying again would not help."""
 
 log = stage_logger("publish")
 
@@ -303,6 +308,7 @@ def _raise_if_final(error: Exception) -> None:
     if isinstance(error, ConnectionClosed) and error.rcvd is not None and error.rcvd.code in FINAL_CLOSE_CODES:
         raise _RefusedError(error.rcvd.reason or FINAL_CLOSE_CODES[error.rcvd.code]) from error
     if isinstance(error, InvalidStatus) and error.response.status_code in FINAL_HTTP_STATUSES:
-        raise _RefusedError(f"HTTP {error.response.status_code}: {FINAL_CLOSE_CODES[CLOSE_UNAUTHORIZED]}") from error
+        status = error.response.status_code
+        raise _RefusedError(f"HTTP {status}: {FINAL_HTTP_STATUSES[status]}") from error
     if isinstance(error, NegotiationError):
         raise _RefusedError(str(error)) from error
