@@ -1,0 +1,162 @@
+"""``lightwell project``: one picture of a light probe into spherical-harmonic coefficients."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+from lightwell.conventions import DEFAULT_BANDS, MAX_BANDS, Convention
+from lightwell.settings import MappingName, ProjectionWeights, WindowKind
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from lightwell.probe.samples import SampleCounts
+
+BAR_WIDTH = 24
+
+
+def project(
+    image: Path = typer.Argument(help="OpenEXR or Radiance picture, linear RGB."),
+    mapping: MappingName = typer.Option("latlong", help="How the picture covers the sphere."),
+    bands: int = typer.Option(DEFAULT_BANDS, min=1, max=MAX_BANDS, help="SH bands: bands² coefficients."),
+    window: WindowKind = typer.Option("none", help="Window against ringing."),
+    convention: Convention = typer.Option("lightwell", help="Axes, signs, order and scale of the coefficients."),
+    forward: str = typer.Option("0,0,-1", metavar="X,Y,Z", help="World direction in which the camera looks."),
+    up: str = typer.Option("0,1,0", metavar="X,Y,Z", help="World direction in which the picture's top points."),
+    fov_degrees: float | None = typer.Option(
+        None, help="Field of view across the picture's width; of a fisheye: across its disc."
+    ),
+    sphere_radius_m: float | None = typer.Option(None, help="Radius of the mirror sphere, metres."),
+    sphere_distance_m: float | None = typer.Option(None, help="Camera to centre of the mirror sphere, metres."),
+    disc: str | None = typer.Option(None, metavar="CX,CY,R", help="The probe's disc in pixels, where not centred."),
+    fisheye: Literal["equidistant", "equisolid"] = typer.Option("equidistant", help="Projection of the fisheye lens."),
+    blind: Literal["fill", "zero"] = typer.Option(
+        "fill", help="What the probe cannot see: filled from its rim, or dark."
+    ),
+    weights: ProjectionWeights = typer.Option("solid-angle", help="Quadrature; paper and fejer are for latlong."),
+    resolution: int = typer.Option(0, min=0, help="Width in pixels to downsample to first; 0: the whole picture."),
+    json: bool = typer.Option(False, "--json", help="Print one JSON document."),
+) -> None:
+    """Project the light in IMAGE onto spherical harmonics."""
+    from pydantic import ValidationError
+
+    from lightwell.errors import MappingError
+    from lightwell.io.pictures import read_picture
+    from lightwell.probe.downsample import Downsampler
+    from lightwell.probe.factory import make_mapping
+    from lightwell.probe.projection import projector
+    from lightwell.probe.samples import count_samples, repair
+    from lightwell.settings import MappingSettings, WindowSettings
+    from lightwell.sh.engines import convert
+    from lightwell.sh.window import WindowStage
+
+    try:
+        settings = MappingSettings(
+            kind=mapping,
+            forward=_numbers("--forward", forward),
+            up=_numbers("--up", up),
+            fov_degrees=fov_degrees,
+            fisheye=fisheye,
+            sphere_radius_m=sphere_radius_m,
+            sphere_distance_m=sphere_distance_m,
+            disc=None if disc is None else _numbers("--disc", disc),
+            blind=blind,
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        option = "--" + str(first["loc"][0]).replace("_", "-")
+        raise MappingError(f"{option}: {first['msg'].lower()}, not {first['input']}") from None
+    picture = read_picture(image)
+    counts = count_samples(picture.pixels)
+    pixels = repair(picture.pixels)
+    geometry = make_mapping(settings, *pixels.shape[:2])
+    if resolution:
+        reduce = Downsampler(geometry, resolution)
+        pixels, geometry = reduce(pixels), reduce.mapping
+    coefficients = projector(geometry, bands, weights, blind).project(pixels)
+    coefficients, _, strength = WindowStage(WindowSettings(kind=window), bands).update(coefficients, 0)
+    if json:
+        _print_json(
+            {
+                "bands": bands,
+                "convention": convention,
+                "units": "relative",
+                "window": window,
+                "mapping": mapping,
+                "coefficients": convert(coefficients, convention).tolist(),
+            }
+        )
+    else:
+        _print_table(coefficients, convention)
+        if strength:
+            typer.echo(f"The window's strength is λ = {strength:.4g}.")
+    if note := _sample_note(counts, pixels_total=picture.pixels.size):
+        typer.echo(note, err=json)
+
+
+def _numbers(option: str, text: str) -> tuple[float, float, float]:
+    """Return three numbers that are separated by commas."""
+    from lightwell.errors import MappingError
+
+    try:
+        first, second, third = (float(part) for part in text.split(","))
+    except ValueError:
+        raise MappingError(f"{option}: three numbers with commas between them are needed, not {text!r}") from None
+    return first, second, third
+
+
+def _print_json(document: dict[str, Any]) -> None:
+    import json
+
+    typer.echo(json.dumps(document))
+
+
+def _sample_note(counts: SampleCounts, pixels_total: int) -> str:
+    """Return one line on the samples that are no plain light, or nothing."""
+    parts = [
+        (counts.nan, "NaN (taken as 0)"),
+        (counts.infinite, "infinite (taken as 65504, or as 0 where negative)"),
+        (counts.negative, "negative (kept)"),
+        (counts.saturated, "at the largest half, 65504"),
+    ]
+    said = ", ".join(f"{count} {what}" for count, what in parts if count)
+    return f"Of {pixels_total} samples: {said}." if said else ""
+
+
+def _print_table(coefficients: NDArray[np.float64], convention: Convention) -> None:
+    """Print the coefficients with bars, then what they say about the light."""
+    import numpy as np
+    from rich.console import Console
+    from rich.table import Table
+
+    from lightwell.conventions import bands_of_count, degree_of_index, order_of_index
+    from lightwell.sh.dominant import split_dominant
+    from lightwell.sh.engines import convert
+
+    console = Console(soft_wrap=True)
+    shown = convert(coefficients, convention)
+    bands = bands_of_count(len(shown))
+    table = Table(title=f"{bands} bands, {convention} convention", title_justify="left")
+    for heading in ("l", "m", "R", "G", "B"):
+        table.add_column(heading, justify="right")
+    table.add_column("")
+    # Every convention keeps the order of degrees and lists the orders of a degree from −l to l.
+    largest = max(float(np.abs(shown).max()), 1e-300)
+    for degree, order, rgb in zip(degree_of_index(bands), order_of_index(bands), shown, strict=True):
+        length = round(float(np.abs(rgb).max()) / largest * BAR_WIDTH)
+        sign = "red" if float(rgb[np.argmax(np.abs(rgb))]) < 0 else "green"
+        bar = f"[{sign}]{'█' * length}[/{sign}]"
+        table.add_row(str(degree), str(order), *(f"{value:.5g}" for value in rgb), bar)
+    console.print(table)
+    split = split_dominant(coefficients)
+    console.print(f"Mean radiance   {_rgb(coefficients[0] / np.sqrt(4 * np.pi))}")
+    console.print(f"Dominant light  towards {_rgb(split.direction)}, irradiance {_rgb(split.irradiance)}")
+    console.print(f"Ambient         {_rgb(split.ambient)}")
+
+
+def _rgb(values: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"
