@@ -36,13 +36,13 @@ LOCAL_ORIGINS = r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"
 def create_app(config: Config, server_url: str, page_directory: Path | None = None) -> FastAPI:
     """Return the application; its parts live from start-up to shut-down.
 
-    ``server_url`` is where the embedded workers find it. Raises `ConfigError` at start-up where the data directory
-    cannot be used.
+    ``server_url`` is where the embedded workers find it. Raises `ConfigError` where the data directory cannot be used.
     """
+    store = Store(config.server.data_dir / "lightwell.sqlite")
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        async with _run(config, server_url) as parts:
+        async with _run(config, store, server_url) as parts:
             app.state.services = parts
             yield
 
@@ -73,10 +73,9 @@ def create_app(config: Config, server_url: str, page_directory: Path | None = No
 
 
 @contextlib.asynccontextmanager
-async def _run(config: Config, server_url: str) -> AsyncIterator[Services]:
+async def _run(config: Config, store: Store, server_url: str) -> AsyncIterator[Services]:
     """Make the parts, run what runs in the background, and take all of it down in order."""
     session = new_session()
-    store = await asyncio.to_thread(Store, config.server.data_dir / "lightwell.sqlite")
     auth = Auth(config.auth, config.server)
     hub = Hub(config.hub, session)
     supervisor = Supervisor(hub, config.supervisor, auth.worker_token)
@@ -99,8 +98,7 @@ async def _run(config: Config, server_url: str) -> AsyncIterator[Services]:
         yield parts
     finally:
         sweeping.cancel()
-        hub.close()
-        await supervisor.close()
+        await parts.wind_down()
         await asyncio.to_thread(store.close)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from lightwell_server.problems import Problem, respond
@@ -29,7 +31,7 @@ class BodyLimit:
             await respond(problem, scope["path"])(scope, receive, send)
             return
         received = 0
-        started = False
+        answered = False
 
         async def limited_receive() -> Message:
             nonlocal received
@@ -39,13 +41,13 @@ class BodyLimit:
                 raise _TooLarge
             return message
 
-        async def noted_send(message: Message) -> None:
-            nonlocal started
-            started = True
-            await send(message)
+        async def checked_send(message: Message) -> None:
+            nonlocal answered
+            if received <= self._limit:  # what the application makes of the broken body is not sent
+                answered = True
+                await send(message)
 
-        try:
-            await self._app(scope, limited_receive, noted_send)
-        except _TooLarge:
-            if not started:
-                await respond(problem, scope["path"])(scope, receive, send)
+        with contextlib.suppress(_TooLarge):
+            await self._app(scope, limited_receive, checked_send)
+        if received > self._limit and not answered:
+            await respond(problem, scope["path"])(scope, receive, send)

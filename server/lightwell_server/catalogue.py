@@ -14,15 +14,12 @@ import structlog
 from pydantic import JsonValue, ValidationError
 
 from lightwell.settings import StreamSettings
-from lightwell_server.hub import Channel, Hub
+from lightwell_server.hub import RESTART_KEYS, Channel, Hub
 from lightwell_server.masking import mask, unmask
 from lightwell_server.problems import Problem, invalid_input
 from lightwell_server.store import Store
 
 log = structlog.get_logger("streams")
-
-RESTART_KEYS = ("source", "mapping")
-"""Settings that a running worker cannot change."""
 
 
 class Origin(StrEnum):

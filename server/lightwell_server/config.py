@@ -13,6 +13,7 @@ file's stream of the same name, whole, until they are deleted through the API.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -23,7 +24,7 @@ from pydantic_core import ErrorDetails
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict, SettingsError
 
 from lightwell.errors import LightwellError
-from lightwell.settings import Settings, StreamName, StreamSettings
+from lightwell.settings import STREAM_NAME_PATTERN, Settings, StreamName, StreamSettings
 
 DEFAULT_FILE = Path("lightwell.toml")
 DEFAULT_PORT = 8400
@@ -190,14 +191,15 @@ def complaint(item: ErrorDetails) -> str:
 
     Values under a key that holds secrets are left out.
     """
-    message = item["msg"].replace("Input should be", "must be").replace("input should be", "must be")
+    message = re.sub(r"^\w+ should", "must", item["msg"])
     match item["type"]:
         case "extra_forbidden":
             return "is no option: check its spelling"
         case "missing":
             return "is missing: it has no default"
-        case "string_pattern_mismatch" if "[key]" in item["loc"]:
-            return "is no stream name: use lower-case letters, digits, - and _, at most 63, a letter or digit first"
+        case "string_pattern_mismatch" if item["ctx"]["pattern"] == STREAM_NAME_PATTERN:
+            remedy = "use lower-case letters, digits, - and _, at most 63, a letter or digit first"
+            return f"= {item['input']!r} is no stream name: {remedy}"
     if any("token" in str(part) for part in item["loc"]):
-        return f": {message}"
+        return message
     return f"= {item['input']!r}: {message[0].lower()}{message[1:]}"

@@ -35,6 +35,9 @@ from lightwell_server.session import SubscriberState
 from lightwell_server.variants import AS_PUBLISHED, Variant, make_variant
 
 Cause = Literal["stalled", "queue-full", "deleted", "shutdown"]
+RESTART_KEYS = ("source", "mapping")
+"""Settings that a running worker cannot change."""
+
 State = Literal["starting", "running", "stalled", "ended", "failed", "stopped"]
 
 
@@ -144,6 +147,7 @@ class Subscription:
         message = self._next(now)
         if message is not None:
             self.last_taken = now
+            self.channel.counters.bytes_out += len(message)
         return message
 
     def _next(self, now: float) -> bytes | None:
@@ -292,11 +296,12 @@ class Channel:
             )
 
     def reconfigure(self, settings: StreamSettings) -> None:
-        """Take new settings and hand them to the worker."""
+        """Take new settings and hand them to the worker, which keeps its source and its mapping while it runs."""
         self.settings = settings
         if self.publisher is not None:
-            self.publisher.settings = settings
-            self.publisher.configure(settings)
+            kept = {key: getattr(self.publisher.settings, key) for key in RESTART_KEYS}
+            self.publisher.settings = settings.model_copy(update=kept)
+            self.publisher.configure(self.publisher.settings)
 
     def _broadcast(self, message: Message) -> None:
         event = encode(message)
@@ -381,6 +386,8 @@ class Hub:
         """Send heartbeats to idle subscribers and cut off those whose send does not end."""
         heartbeat = encode(Heartbeat(server_time_ns=time_ns))
         for subscription in self._subscriptions():
+            if subscription.state is not SubscriberState.OPEN:
+                continue
             sending = subscription.sending_since
             if sending is not None:
                 if now - sending > self.settings.stall_seconds:

@@ -9,7 +9,7 @@ MASK = "***"
 _USER_INFO = re.compile(r"(?<=//)[^/@?#\s]+(?=@)")
 _SECRET_PARAMETER = re.compile(
     r"(?i)(?<=[?&;])([^=&;#\s]*(?:password|passwd|pwd|secret|token|api[_-]?key|access[_-]?key|credential|auth)[^=&;#\s]*=)"
-    r"[^&;#\s]+"
+    r"[^&;#\s'\"]+"
 )
 
 

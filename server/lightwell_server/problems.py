@@ -108,7 +108,7 @@ def install(app: FastAPI) -> None:
             case 404:
                 kind, detail = "not-found", f"there is nothing at {request.url.path}"
             case 405:
-                allowed = (error.headers or {}).get("Allow", "")
+                allowed = (error.headers or {}).get("Allow", "GET, HEAD")
                 kind, detail = "method-not-allowed", f"{request.method} is not possible here; allowed: {allowed}"
             case _:
                 kind, detail = "http", str(error.detail)

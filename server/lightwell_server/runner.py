@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import socket
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import uvicorn
@@ -22,21 +23,39 @@ class ServeError(LightwellError):
     """The server cannot start: names the address and the remedy."""
 
 
+class _Uvicorn(uvicorn.Server):
+    """Ends what runs in the application before its connections: workers say goodbye, subscribers learn why."""
+
+    def __init__(self, config: uvicorn.Config, wind_down: Callable[[], Awaitable[None]]) -> None:
+        super().__init__(config)
+        self._wind_down = wind_down
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Wind the application down, then close what is open."""
+        await self._wind_down()
+        await super().shutdown(sockets)
+
+
 class Server:
     """One server: bound when it is made, so that its URL is known before it runs."""
 
     def __init__(self, config: Config, page_directory: Path | None = None) -> None:
-        """Bind the address; raises `ServeError` where that is not possible."""
+        """Bind the address and open the data; raises `ServeError` or `ConfigError` where that is not possible."""
         self._listener = _bind(config)
         host, self.port = config.server.host, int(self._listener.getsockname()[1])
         reachable = {"0.0.0.0": "127.0.0.1", "::": "[::1]", "": "127.0.0.1"}.get(host, host)  # noqa: S104, a comparison
         if ":" in reachable and not reachable.startswith("["):
             reachable = f"[{reachable}]"
         self.url = f"http://{reachable}:{self.port}"
+        try:
+            app = create_app(config, self.url, page_directory)
+        except BaseException:
+            self._listener.close()
+            raise
         hub = config.hub
-        self._uvicorn = uvicorn.Server(
+        self._uvicorn = _Uvicorn(
             uvicorn.Config(
-                create_app(config, self.url, page_directory),
+                app,
                 ws=bounded_protocol(hub.write_buffer_kb * KILOBYTE),
                 ws_per_message_deflate=False,  # compressing costs more than it saves: frames are small, pictures JPEG
                 ws_max_size=hub.max_message_kb * KILOBYTE,
@@ -46,7 +65,8 @@ class Server:
                 server_header=False,
                 timeout_graceful_shutdown=GRACEFUL_SECONDS,
                 lifespan="on",
-            )
+            ),
+            wind_down=lambda: app.state.services.wind_down(),
         )
 
     @property

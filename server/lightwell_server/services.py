@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass
 from typing import cast
 
@@ -14,6 +15,9 @@ from lightwell_server.hub import Hub
 from lightwell_server.metrics import Metrics
 from lightwell_server.store import Store
 from lightwell_server.supervisor import Supervisor
+
+FAREWELL_SECONDS = 1.0
+"""Time that subscribers have to be told that the server stops."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,15 @@ class Services:
     metrics: Metrics
     supervisor: Supervisor
     catalogue: Catalogue
+
+    async def wind_down(self) -> None:
+        """End the workers, then the subscriptions; doing it twice does no harm."""
+        await self.supervisor.close()
+        self.hub.close()
+        for _ in range(100):
+            if not self.hub.subscribers():
+                return
+            await asyncio.sleep(FAREWELL_SECONDS / 100)
 
 
 def services(connection: HTTPConnection) -> Services:

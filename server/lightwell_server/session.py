@@ -26,31 +26,29 @@ class WorkerState(StrEnum):
     """The process has been told to end."""
 
 
+_S = WorkerState
 _AFTER: Mapping[WorkerState, frozenset[WorkerState]] = {
-    WorkerState.STOPPED: frozenset({WorkerState.STARTING, WorkerState.YIELDED}),
-    WorkerState.STARTING: frozenset(
-        {WorkerState.RUNNING, WorkerState.BACKING_OFF, WorkerState.ENDED, WorkerState.STOPPING, WorkerState.YIELDED}
-    ),
-    WorkerState.RUNNING: frozenset(
-        {WorkerState.BACKING_OFF, WorkerState.ENDED, WorkerState.STOPPING, WorkerState.YIELDED}
-    ),
-    WorkerState.BACKING_OFF: frozenset({WorkerState.STARTING, WorkerState.YIELDED, WorkerState.STOPPED}),
-    WorkerState.YIELDED: frozenset({WorkerState.STARTING, WorkerState.STOPPED}),
-    WorkerState.ENDED: frozenset({WorkerState.STOPPED}),
-    WorkerState.STOPPING: frozenset({WorkerState.STOPPED}),
+    _S.STOPPED: frozenset({_S.STARTING, _S.YIELDED}),
+    _S.STARTING: frozenset({_S.RUNNING, _S.ENDED, _S.BACKING_OFF, _S.YIELDED, _S.STOPPING}),
+    _S.RUNNING: frozenset({_S.ENDED, _S.BACKING_OFF, _S.YIELDED, _S.STOPPING}),
+    _S.BACKING_OFF: frozenset({_S.STARTING, _S.YIELDED}),
+    _S.YIELDED: frozenset({_S.STARTING}),
+    _S.ENDED: frozenset(),
+    _S.STOPPING: frozenset({_S.BACKING_OFF, _S.YIELDED}),
 }
+"""Beside these, every state may end in STOPPED."""
 
 
 def follow(state: WorkerState, following: WorkerState) -> WorkerState:
-    """Return ``following`` where it may come after ``state``; staying is always allowed.
+    """Return ``following`` where it may come after ``state``; staying and stopping are always allowed.
 
     Raises
     ------
     ValueError
         Where it may not: names both and what was expected.
     """
-    if following is not state and following not in _AFTER[state]:
-        expected = ", ".join(sorted(_AFTER[state]))
+    if following not in (state, WorkerState.STOPPED) and following not in _AFTER[state]:
+        expected = ", ".join(sorted(_AFTER[state] | {WorkerState.STOPPED}))
         raise ValueError(f"a worker that is {state} cannot become {following}; expected one of: {expected}")
     return following
 

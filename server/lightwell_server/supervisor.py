@@ -20,7 +20,7 @@ import structlog
 
 from lightwell.settings import StreamSettings
 from lightwell_server.config import SupervisorSettings
-from lightwell_server.hub import Hub
+from lightwell_server.hub import RESTART_KEYS, Hub
 from lightwell_server.masking import mask
 from lightwell_server.session import WorkerState, follow
 
@@ -28,6 +28,7 @@ log = structlog.get_logger("supervisor")
 
 POLL_SECONDS = 0.25
 TAIL_LINES = 20
+LONGEST_LINE = 65536
 HEALTHY_SECONDS = 10.0
 """A process that has run this long with frames starts the pauses anew."""
 
@@ -92,11 +93,8 @@ class Supervisor:
         if not self._settings.embedded:
             return
         worker = self._workers.setdefault(name, _Worker(name, settings))
-        same = (worker.settings.source, worker.settings.mapping, worker.settings.enabled) == (
-            settings.source,
-            settings.mapping,
-            settings.enabled,
-        )
+        before = worker.settings
+        same = all(getattr(before, key) == getattr(settings, key) for key in (*RESTART_KEYS, "enabled"))
         worker.settings = settings
         if worker.task is None or not same:
             worker.task = asyncio.create_task(self._replace(worker, worker.task), name=f"worker {name}")
@@ -118,10 +116,12 @@ class Supervisor:
             if worker.settings.enabled:
                 await self._keep_alive(worker)
         finally:
-            worker.state = WorkerState.STOPPED if worker.state is not WorkerState.ENDED else WorkerState.ENDED
+            if worker.state is not WorkerState.ENDED:
+                worker.become(WorkerState.STOPPED)
 
     async def _keep_alive(self, worker: _Worker) -> None:
-        worker.state = WorkerState.STOPPED
+        """Run the process again and again; returns where its source has come to its end."""
+        worker.become(WorkerState.STOPPED)
         failures = 0
         while True:
             while self._published_elsewhere(worker.name):
@@ -175,7 +175,9 @@ class Supervisor:
         try:
             yield process
         finally:
-            await asyncio.shield(self._end(process))
+            if process.returncode is None:
+                worker.become(WorkerState.STOPPING)
+                await asyncio.shield(self._end(process))
             worker.pid = None
             await reading
 
@@ -221,16 +223,15 @@ class Supervisor:
 
     async def _end(self, process: asyncio.subprocess.Process) -> None:
         """End the process: first in order, then at once."""
-        if process.returncode is None:
-            with contextlib.suppress(ProcessLookupError):
-                process.terminate()
-            try:
-                async with asyncio.timeout(self._settings.stop_seconds):
-                    await process.wait()
-            except TimeoutError:
-                with contextlib.suppress(ProcessLookupError):
-                    process.kill()
+        with contextlib.suppress(ProcessLookupError):
+            process.terminate()
+        try:
+            async with asyncio.timeout(self._settings.stop_seconds):
                 await process.wait()
+        except TimeoutError:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
 
 
 async def _cancel(task: asyncio.Task[None] | None) -> None:
@@ -241,11 +242,18 @@ async def _cancel(task: asyncio.Task[None] | None) -> None:
 
 
 async def _read_stderr(process: asyncio.subprocess.Process, tail: deque[str]) -> None:
-    """Pass the process's log on, and keep its last lines; a very long line is passed on in pieces."""
+    """Pass the process's log on line by line, without credentials, and keep its last lines."""
     assert process.stderr is not None
-    while data := await process.stderr.read(65536):
-        sys.stderr.write(data.decode(errors="replace"))
-        tail.extend(mask(line) for line in data.decode(errors="replace").splitlines() if line.strip())
+    rest = b""
+    while data := await process.stderr.read(LONGEST_LINE):
+        *lines, rest = (rest + data).split(b"\n")
+        if len(rest) > LONGEST_LINE:
+            lines, rest = [*lines, rest], b""
+        for line in lines:
+            text = mask(line.decode(errors="replace"))
+            sys.stderr.write(f"{text}\n")
+            if text.strip():
+                tail.append(text)
 
 
 def _describe_exit(status: int, tail: deque[str]) -> str:

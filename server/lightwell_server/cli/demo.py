@@ -76,7 +76,10 @@ def _serve(port: int | None, data: Path | None) -> None:
         samples = make_samples(config.server.data_dir / "samples", report)
     server = Server(config.model_copy(update={"streams": samples | config.streams}))
     print(f"Lightwell serves {server.url} (streams: {', '.join(samples)})", flush=True)
-    server.run()
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
 
 
 @contextmanager

@@ -22,4 +22,7 @@ def serve(
     logs.configure(settings.log)
     server = Server(settings)
     print(f"Lightwell serves {server.url}", flush=True)
-    server.run()
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None

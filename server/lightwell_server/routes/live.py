@@ -25,6 +25,8 @@ from lightwell_server.variants import Variant
 router = APIRouter()
 log = structlog.get_logger("live")
 
+MOST_FPS = 1000.0
+
 _CLOSE_CODES: dict[Cause, int] = {
     "stalled": CLOSE_POLICY,
     "queue-full": CLOSE_POLICY,
@@ -37,7 +39,7 @@ class Query(msgspec.Struct):
     """Query parameters of the socket."""
 
     bands: Annotated[int, msgspec.Meta(ge=1, le=MAX_STREAM_BANDS)] | None = None
-    max_fps: Annotated[float, msgspec.Meta(gt=0, le=1000)] | None = None
+    max_fps: Annotated[float, msgspec.Meta(gt=0, le=MOST_FPS)] | None = None
     convention: Convention = "lightwell"
     backdrop: bool = False
 
@@ -107,7 +109,8 @@ async def _serve(
             await refuse(websocket, result.code, result.reason)
     if ended.done():
         ending = ended.result()
-        log.warning("subscriber cut off", stream=subscription.channel.name, cause=ending.cause, reason=ending.reason)
+        if ending.cause in ("stalled", "queue-full"):
+            log.warning("subscriber cut off", stream=subscription.channel.name, reason=ending.reason)
         if ending.cause != "stalled":  # a peer that does not read would not read the reason either
             await refuse(websocket, _CLOSE_CODES[ending.cause], ending.reason)
 
@@ -137,6 +140,9 @@ async def _receive(websocket: WebSocket, subscription: Subscription) -> None:
             if message["type"] == "websocket.disconnect":
                 return
             try:
-                subscription.change(decode_subscribe(message.get("bytes") or b""), time.monotonic())
+                wishes = decode_subscribe(message.get("bytes") or b"")
             except msgspec.MsgspecError as error:
                 raise RefusedError(CLOSE_POLICY, f"that is no subscribe message: {error}") from None
+            if wishes.max_fps is not None and not 0 < wishes.max_fps <= MOST_FPS:
+                raise RefusedError(CLOSE_POLICY, f"max_fps = {wishes.max_fps}: must be above 0, at most {MOST_FPS:g}")
+            subscription.change(wishes, time.monotonic())

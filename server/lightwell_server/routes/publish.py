@@ -145,6 +145,7 @@ async def _receive(websocket: WebSocket, channel: Channel, publisher: Publisher,
                 case Frame():
                     channel.publish_frame(message, time.monotonic())
                     parts.metrics.observe(message, time.time_ns())
+                    await asyncio.sleep(0)  # subscribers take this frame before one that has come right behind it
                 case Backdrop():
                     channel.publish_backdrop(data)
                 case StreamStatus():

@@ -90,14 +90,15 @@ class Latest(BaseModel):
 def describe(entry: Entry, channel: Channel, report: WorkerReport | None, now: float) -> StreamDescription:
     """Return the description of a stream at the monotonic time ``now``."""
     status = channel.status
-    settings = channel.publisher.settings if channel.publisher is not None else entry.settings
+    publisher = channel.publisher
+    settings = entry.settings if publisher is None or publisher.embedded else publisher.settings
     return StreamDescription(
         name=entry.name,
         origin=entry.origin,
         revision=entry.revision,
         settings=settings.model_copy(update={"source": mask(settings.source), "enabled": entry.settings.enabled}),
         state=channel.state,
-        session=channel.publisher.session if channel.publisher is not None else None,
+        session=None if publisher is None else publisher.session,
         subscribers=len(channel.subscriptions),
         fps=status.fps if status else 0.0,
         frames_received=channel.counters.frames,
