@@ -63,7 +63,7 @@ export function App() {
     const made = new Commands(viewport);
     commands.value = made;
     addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey || helpIsOpen.peek()) return;
+      if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") !== null) return;
       const target = event.target as HTMLElement;
       // Inputs and buttons keep their own keys.
       if (target.matches("input, select, textarea") || (event.key === " " && target.matches("button, summary"))) return;
@@ -117,7 +117,7 @@ export function App() {
       )}
       {softwareRenderer.value !== "" && (
         <div class="notice" role="note" data-testid="software-notice" title={softwareRenderer.value}>
-          <p>WebGL runs in software here: motion is slower than on a graphics card.</p>
+          <p>WebGL runs in software here, so motion is slow.</p>
           <button type="button" aria-label="Dismiss" onClick={() => (softwareRenderer.value = "")}>
             ×
           </button>

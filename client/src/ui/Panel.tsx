@@ -123,7 +123,7 @@ export function Panel({ commands, element }: { commands: Commands; element: RefO
           <Section title="Material">
             <label class="colour">
               <span class="label">Colour</span>
-              <output>{value.colour}</output>
+              <span class="value">{value.colour}</span>
               <input type="color" aria-label="Colour" value={value.colour} onInput={(event) => change({ colour: event.currentTarget.value })} />
             </label>
             <Slider

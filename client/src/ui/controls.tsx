@@ -20,7 +20,7 @@ export function Slider({ label, value, min, max, step, shown, hint, onInput, onR
   return (
     <label class="slider" title={hint ?? "Double click resets"}>
       <span class="label">{label}</span>
-      <output>{shown}</output>
+      <span class="value">{shown}</span>
       <input
         type="range"
         min={min}
