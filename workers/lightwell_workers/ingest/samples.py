@@ -109,7 +109,7 @@ def _record(
 
 
 def _sunset_walk() -> Callable[[int], Image]:
-    square = _radiance("sunset")
+    square = np.minimum(_radiance("sunset"), 8.0)  # the photographed sun gives way to the moving one
     latlong = make_mapping(MappingSettings(), square.shape[0], square.shape[1])
     x, y = latlong.pixel_centres()
     directions = latlong.directions(x, y)[0].astype(np.float32)
@@ -136,7 +136,7 @@ def _sun_disc(cosine: Image, height: float) -> Image:
     rim, core = math.cos(math.radians(4.0)), math.cos(math.radians(3.0))
     disc = np.clip((cosine - rim) / (core - rim), 0.0, 1.0)
     path = 1.0 / max(height + 0.08, 0.04)  # of the sun's rays through the air, in vertical depths
-    colour = 900.0 * np.exp(-np.array([0.08, 0.17, 0.32]) * path) * min(max((height + 0.08) / 0.16, 0.0), 1.0)
+    colour = 400.0 * np.exp(-np.array([0.08, 0.17, 0.32]) * path) * min(max((height + 0.08) / 0.16, 0.0), 1.0)
     return np.asarray(disc[..., None] * colour, dtype=np.float32)
 
 
