@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json as json_module
+import os
 import sys
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, TextIO
 
 import typer
 from pydantic import BaseModel, ValidationError
 from typer.models import OptionInfo
 
+from lightwell.conventions import Units
 from lightwell.errors import LightwellError
 from lightwell.settings import (
     BackdropSettings,
@@ -50,22 +52,24 @@ def ingest(
     forward: Annotated[str | None, _option(MappingSettings, "forward", "--forward")] = None,
     up: Annotated[str | None, _option(MappingSettings, "up", "--up")] = None,
     fov_degrees: Annotated[float | None, _option(MappingSettings, "fov_degrees")] = None,
-    fisheye: Annotated[str | None, _option(MappingSettings, "fisheye")] = None,
+    fisheye: Annotated[Literal["equidistant", "equisolid"] | None, _option(MappingSettings, "fisheye")] = None,
     sphere_radius_m: Annotated[float | None, _option(MappingSettings, "sphere_radius_m")] = None,
     sphere_distance_m: Annotated[float | None, _option(MappingSettings, "sphere_distance_m")] = None,
     disc: Annotated[str | None, _option(MappingSettings, "disc")] = None,
-    blind: Annotated[str | None, _option(MappingSettings, "blind")] = None,
+    blind: Annotated[Literal["fill", "zero"] | None, _option(MappingSettings, "blind")] = None,
     # from pictures to coefficients
     bands: Annotated[int | None, _option(StreamSettings, "bands")] = None,
     resolution: Annotated[int | None, _option(StreamSettings, "resolution")] = None,
-    downsample: Annotated[str | None, _option(StreamSettings, "downsample")] = None,
+    downsample: Annotated[Literal["area", "gaussian"] | None, _option(StreamSettings, "downsample")] = None,
     weights: Annotated[ProjectionWeights | None, _option(StreamSettings, "weights")] = None,
     gain: Annotated[float | None, _option(StreamSettings, "gain")] = None,
-    units: Annotated[str | None, _option(StreamSettings, "units")] = None,
-    negatives: Annotated[str | None, _option(StreamSettings, "negatives")] = None,
+    units: Annotated[Units | None, _option(StreamSettings, "units")] = None,
+    negatives: Annotated[Literal["keep", "clamp"] | None, _option(StreamSettings, "negatives")] = None,
     # window
     window: Annotated[WindowKind | None, _option(WindowSettings, "kind", "--window")] = None,
-    window_target: Annotated[str | None, _option(WindowSettings, "target", "--window-target")] = None,
+    window_target: Annotated[
+        Literal["radiance", "irradiance"] | None, _option(WindowSettings, "target", "--window-target")
+    ] = None,
     window_width: Annotated[float | None, _option(WindowSettings, "width", "--window-width")] = None,
     window_smoothing_seconds: Annotated[
         float | None, _option(WindowSettings, "smoothing_seconds", "--window-smoothing-seconds")
@@ -142,12 +146,26 @@ def ingest(
         },
     }
 
+    output = _take_standard_output()
+
     def print_status(status: StreamStatus) -> None:
-        print(msgspec.json.encode(status).decode(), flush=True)
+        print(msgspec.json.encode(status).decode(), file=output, flush=True)
 
     configure_logging(json=json)
     chosen = stream_settings(settings, changes)
     sys.exit(run_worker(chosen, stream, server, token, on_status=print_status if json else None))
+
+
+def _take_standard_output() -> TextIO:
+    """Return standard output, and keep everybody else off it.
+
+    OpenEXR writes a warning there for each damaged file it meets. The log names such a file, once.
+    """
+    output = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+    return output
 
 
 def stream_settings(document: str | None, changes: dict[str, Any]) -> StreamSettings:
