@@ -18,7 +18,7 @@ class Inbox:
         self._newest = newest
         self._frames: deque[tuple[Frame, int, int]] = deque()
         self._untold = 0
-        self._last: tuple[str, int] | None = None
+        self._last: tuple[object, ...] = ()
         self.missed = 0
         """Frames that the program did not get so far, overtaken at the server or here."""
 
@@ -34,7 +34,7 @@ class Inbox:
 
     def put(self, frame: Frame, received_time_ns: int) -> None:
         """Keep a frame; one that has been here before (the newest, shown again after a reconnect) is dropped."""
-        name = (frame.session, frame.seq)
+        name = (frame.session, frame.seq, frame.convention, frame.bands)
         if name == self._last:
             return
         self._last = name
