@@ -119,6 +119,7 @@ class AsyncLightStream:
         self._following: asyncio.Task[None] | None = None
         self._connection: ClientConnection | None = None
         self._welcomed = False
+        self._latest: LightFrame | None = None
         self.info: StreamInfo | None = None
         """Description of the stream, from the last hello."""
         self.status: StreamStatus | None = None
@@ -166,20 +167,28 @@ class AsyncLightStream:
         RefusedError, ConnectionLostError
             As the class says.
         """
-        if self._following is None:
-            raise RuntimeError("use the stream as a context manager: async with AsyncLightStream(…) as light")
         seconds = self._timeout if within_seconds is None else within_seconds
         try:
             async with asyncio.timeout(seconds):
                 while (frame := self._take()) is None:
-                    if self._following.done():
-                        self._following.result()
+                    self._raise_failure()
                     self._arrived.clear()
                     await self._arrived.wait()
+                self._latest = frame
                 return frame
         except TimeoutError:
             reason = f" ({self.last_error})" if self.last_error else ""
             raise LightTimeoutError(f"no frame of {self.stream!r} within {seconds:g} s{reason}") from None
+
+    def latest(self) -> LightFrame | None:
+        """Return the newest frame at once, for loops that draw at their own rate; None before the first.
+
+        Raises as `next`, but for the time-out.
+        """
+        while (frame := self._take()) is not None:
+            self._latest = frame
+        self._raise_failure()
+        return self._latest
 
     async def change(
         self, *, bands: int | None = None, convention: Convention | None = None, max_fps: float | None = None
@@ -192,9 +201,15 @@ class AsyncLightStream:
                 await self._connection.send(encode(Subscribe(bands=bands, convention=convention, max_fps=max_fps)))
 
     def _take(self) -> LightFrame | None:
+        if self._following is None:
+            raise RuntimeError("use the stream as a context manager: async with AsyncLightStream(…) as light")
         frame = self._inbox.take(self.info.mapping if self.info else "")
         self._taken.set()
         return frame
+
+    def _raise_failure(self) -> None:
+        if self._following is not None and self._following.done():
+            self._following.result()
 
     async def _follow(self) -> None:
         """Keep a connection; returns never, raises where the server refuses or no reconnection is wanted."""

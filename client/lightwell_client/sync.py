@@ -72,12 +72,6 @@ class LightStream:
         )
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
-        self._latest: LightFrame | None = None
-
-    @property
-    def latest(self) -> LightFrame | None:
-        """The last frame that was taken."""
-        return self._latest
 
     @property
     def missed(self) -> int:
@@ -132,8 +126,15 @@ class LightStream:
 
     def next(self, within_seconds: float | None = None) -> LightFrame:
         """Wait for the next frame and return it; see `AsyncLightStream.next`."""
-        self._latest = self._call(self._follower.next(within_seconds))
-        return self._latest
+        return self._call(self._follower.next(within_seconds))
+
+    def latest(self) -> LightFrame | None:
+        """Return the newest frame at once, for loops that draw at their own rate; None before the first."""
+
+        async def newest() -> LightFrame | None:
+            return self._follower.latest()
+
+        return self._call(newest())
 
     def change(
         self, *, bands: int | None = None, convention: Convention | None = None, max_fps: float | None = None

@@ -4,6 +4,7 @@ Scopes: ``read`` follows streams, ``publish`` sends them, ``admin`` changes them
 
 * A scope without tokens of its own (and of none above it, for reading) is open: ``read`` to everybody, ``publish`` and
   ``admin`` to this machine only.
+* ``/healthz``, ``/readyz`` and ``/metrics`` need no token: they say how streams do, not what they show.
 * A token that is given must be right, also where none is needed.
 * Tokens come as ``Authorization: Bearer TOKEN``, or as ``?token=TOKEN`` where a browser opens a WebSocket and cannot
   set headers. They are compared in constant time and appear in no answer and no log.

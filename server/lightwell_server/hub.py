@@ -18,6 +18,8 @@ from typing import Literal
 from lightwell._version import __version__
 from lightwell.settings import StreamSettings
 from lightwell.wire import (
+    CLOSE_NOT_FOUND,
+    CLOSE_REPLACED,
     SUBPROTOCOL,
     Frame,
     Heartbeat,
@@ -65,10 +67,10 @@ class Publisher:
     session: str
     settings: StreamSettings
     embedded: bool
-    address: str
+    """Whether this server started it."""
     configure: Callable[[StreamSettings], None]
-    replace: Callable[[str], None]
-    """Ends the connection, with a reason."""
+    end: Callable[[int, str], None]
+    """Ends the connection, with a close code and a reason."""
 
 
 @dataclass
@@ -208,8 +210,6 @@ class Channel:
 
     name: str
     settings: StreamSettings
-    heartbeat_seconds: float
-    server_session: str
     publisher: Publisher | None = None
     latest: Frame | None = None
     latest_at: float | None = None
@@ -280,7 +280,7 @@ class Channel:
     def attach(self, publisher: Publisher) -> None:
         """Let ``publisher`` publish; the one before it is told to go: the newer session wins."""
         if self.publisher is not None:
-            self.publisher.replace("replaced: a newer worker publishes this stream")
+            self.publisher.end(CLOSE_REPLACED, "replaced: a newer worker publishes this stream")
         self.publisher = publisher
         self.status = None
 
@@ -305,7 +305,7 @@ class Channel:
 
     def _broadcast(self, message: Message) -> None:
         event = encode(message)
-        for subscription in list(self.subscriptions):
+        for subscription in self.subscriptions:
             subscription.put_event(event)
 
 
@@ -328,7 +328,7 @@ class Hub:
         """Return the channel of a stream, made if there is none; its settings become ``settings``."""
         channel = self.channels.get(name)
         if channel is None:
-            channel = Channel(name, settings, self.settings.heartbeat_seconds, self.server_session)
+            channel = Channel(name, settings)
             self.channels[name] = channel
         channel.settings = settings
         return channel
@@ -341,7 +341,7 @@ class Hub:
         for subscription in list(channel.subscriptions):
             subscription.end(Ending("deleted", f"the stream {name!r} has been deleted"))
         if channel.publisher is not None:
-            channel.publisher.replace(f"the stream {name!r} has been deleted")
+            channel.publisher.end(CLOSE_NOT_FOUND, f"the stream {name!r} has been deleted")
 
     def subscribers(self) -> int:
         """Return the number of subscriptions to all channels."""

@@ -71,6 +71,17 @@ async def test_a_program_that_is_slow_gets_the_newest(server: str) -> None:
             assert (frame.seq, frame.missed, light.missed) == (20, 19, 19)
 
 
+def test_a_loop_that_draws_takes_the_newest_without_waiting(server: str) -> None:
+    with Publisher(server, "draw") as worker, LightStream("draw", server) as light:
+        assert light.latest() is None
+        for seq in range(3):
+            worker.publish()
+            while (frame := light.latest()) is None or frame.seq < seq:
+                pass
+    with LightStream("nowhere", server) as light, pytest.raises(RefusedError):
+        wait_until(light.latest)
+
+
 async def test_callbacks_tell_of_status_backdrop_and_connection(server: str) -> None:
     states: list[StreamStatus] = []
     pictures: list[BackdropPicture] = []
@@ -141,7 +152,7 @@ def test_the_blocking_stream_iterates(server: str) -> None:
             worker.publish()
             frame = next(light)
             assert frame.seq == seq
-            assert light.latest is frame
+            assert light.latest() is frame
         assert (light.missed, light.connected, light.reconnects) == (0, True, 0)
         light.change(bands=2)
         while light.next(10).bands != 2:

@@ -7,6 +7,8 @@ from tests.support.publisher import make_backdrop, make_frame, make_status
 
 from lightwell.settings import StreamSettings
 from lightwell.wire import (
+    CLOSE_NOT_FOUND,
+    CLOSE_REPLACED,
     Backdrop,
     Frame,
     Heartbeat,
@@ -62,9 +64,8 @@ def make_publisher(session: str = "s1") -> Publisher:
         session=session,
         settings=SETTINGS,
         embedded=False,
-        address="",
         configure=lambda settings: None,
-        replace=lambda reason: None,
+        end=lambda code, reason: None,
     )
 
 
@@ -234,12 +235,12 @@ def test_a_change_is_answered_with_the_newest_frame_in_the_new_form(hub: Hub, ch
 
 
 def test_the_newer_publisher_wins_and_the_older_leaves_no_trace(channel: Channel) -> None:
-    told: list[str] = []
+    told: list[tuple[int, str]] = []
     older, newer = make_publisher("old"), make_publisher("new")
-    older.replace = told.append
+    older.end = lambda code, reason: told.append((code, reason))
     channel.attach(older)
     channel.attach(newer)
-    assert told == ["replaced: a newer worker publishes this stream"]
+    assert told == [(CLOSE_REPLACED, "replaced: a newer worker publishes this stream")]
     channel.detach(older)
     assert channel.publisher is newer
 
@@ -279,15 +280,15 @@ def test_gaps_between_worker_and_hub_are_counted_within_a_session(channel: Chann
 
 
 def test_removing_a_channel_sends_everybody_away(hub: Hub, channel: Channel) -> None:
-    told: list[str] = []
+    told: list[tuple[int, str]] = []
     publisher = make_publisher()
-    publisher.replace = told.append
+    publisher.end = lambda code, reason: told.append((code, reason))
     channel.attach(publisher)
     subscriber = Subscriber(hub, channel)
     hub.remove("probe")
     assert hub.get("probe") is None
     assert [ending.cause for ending in subscriber.endings] == ["deleted"]
-    assert told == ["the stream 'probe' has been deleted"]
+    assert told == [(CLOSE_NOT_FOUND, "the stream 'probe' has been deleted")]
     hub.remove("probe")
 
 

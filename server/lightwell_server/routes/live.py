@@ -107,6 +107,8 @@ async def _serve(
     for result in results:
         if isinstance(result, RefusedError):
             await refuse(websocket, result.code, result.reason)
+        elif isinstance(result, Exception) and not isinstance(result, WebSocketDisconnect):
+            raise result
     if ended.done():
         ending = ended.result()
         if ending.cause in ("stalled", "queue-full"):

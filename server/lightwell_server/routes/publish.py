@@ -20,7 +20,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from lightwell.settings import STREAM_NAME_PATTERN, StreamSettings
 from lightwell.wire import (
     CLOSE_POLICY,
-    CLOSE_REPLACED,
     Announce,
     Backdrop,
     Configure,
@@ -90,29 +89,28 @@ async def _serve(
     embedded = parts.auth.is_embedded(websocket)
     channel, settings = parts.catalogue.announce(name, announced, embedded=embedded)
     outgoing: asyncio.Queue[StreamSettings] = asyncio.Queue()
-    replaced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+    ended: asyncio.Future[RefusedError] = asyncio.get_running_loop().create_future()
     publisher = Publisher(
         session=announce.session,
         settings=settings,
         embedded=embedded,
-        address=address,
         configure=outgoing.put_nowait,
-        replace=lambda reason: None if replaced.done() else replaced.set_result(reason),
+        end=lambda code, reason: None if ended.done() else ended.set_result(RefusedError(code, reason)),
     )
     channel.attach(publisher)
     log.info("worker connected", stream=name, address=address, embedded=embedded, host=announce.hostname)
     receiving = asyncio.ensure_future(_receive(websocket, channel, publisher, parts))
     sending = asyncio.ensure_future(_send(websocket, settings, outgoing, parts.session))
     try:
-        await asyncio.wait((receiving, sending, replaced), return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait((receiving, sending, ended), return_when=asyncio.FIRST_COMPLETED)
     finally:
         channel.detach(publisher)
         receiving.cancel()
         sending.cancel()
         await asyncio.gather(receiving, sending, return_exceptions=True)
         log.info("worker left", stream=name, address=address, embedded=embedded)
-    if replaced.done():
-        raise RefusedError(CLOSE_REPLACED, replaced.result())
+    if ended.done():
+        raise ended.result()
     for task in (receiving, sending):
         if not task.cancelled():
             task.result()
