@@ -38,8 +38,8 @@ def _option(model: type[BaseModel], field: str, *names: str) -> OptionInfo:
 
 
 def ingest(
+    stream: Annotated[str, typer.Option(help="name of the stream")],
     source: Annotated[str | None, typer.Argument(help=_help(StreamSettings, "source"))] = None,
-    stream: Annotated[str, typer.Option(help="name of the stream")] = "camera",
     server: Annotated[str, typer.Option(help="URL of the server")] = "http://127.0.0.1:8400",
     token: Annotated[str | None, typer.Option(envvar="LIGHTWELL_TOKEN", help="the server's token")] = None,
     settings: Annotated[

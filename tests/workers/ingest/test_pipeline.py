@@ -28,6 +28,7 @@ def frame(name: str, height: int = 8, width: int = 16, value: float = 1.0) -> Fr
 class ListSource:
     url = "list:"
     frames_dropped = 0
+    interval_seconds = 0.01
 
     def __init__(self, items: list[Frame | FrameError], *, is_live: bool = False) -> None:
         self.items = items

@@ -135,12 +135,12 @@ def test_every_frame_in_order_when_not_in_real_time(threads: int) -> None:
     assert times[6] - times[0] == 6 * INTERVAL_NS
 
 
-def test_recordings_own_time_is_kept_when_not_in_real_time() -> None:
-    reader = NumberReader(1)
-    reader.capture_time_ns = 42
-    (item,) = Playback("x:", reader, INTERVAL_NS, realtime=False, clock=FakeClock())
-    assert isinstance(item, Frame)
-    assert item.capture_time_ns == 42
+def test_recordings_own_time_starts_the_clock_when_not_in_real_time() -> None:
+    reader = NumberReader(4, bad=lambda position: position == 0)
+    reader.capture_time_ns = 42_000_000_000  # whole seconds: the same for every picture of this recording
+    items = list(Playback("x:", reader, INTERVAL_NS, realtime=False, clock=FakeClock()))
+    times = [item.capture_time_ns for item in items if isinstance(item, Frame)]
+    assert times == [42_000_000_000, 42_000_000_000 + INTERVAL_NS, 42_000_000_000 + 2 * INTERVAL_NS]
 
 
 @pytest.mark.parametrize("realtime", [True, False])

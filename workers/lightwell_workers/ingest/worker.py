@@ -30,7 +30,8 @@ from lightwell_workers.ingest.stages.timing import StageAverages
 
 STATUS_SECONDS = 1.0
 STALLED_SECONDS = 2.0
-"""A running source that gives no frame for this long is stalled."""
+STALLED_INTERVALS = 3
+"""A running source is stalled when it gives no frame for this long and for this many of its intervals."""
 RATE_SECONDS = 2.0
 """Span over which the frame rate is counted."""
 FAREWELL_SECONDS = 2.0
@@ -193,11 +194,11 @@ class _Worker:
         self._wake.set()
 
     def _running_state(self) -> State:
-        pipeline = self._pipeline
-        if pipeline is None or pipeline.counters.frames_finished == 0:
+        if self._pipeline is None or self._source is None or self._pipeline.counters.frames_finished == 0:
             return "starting"
-        age_seconds = (time.time_ns() - pipeline.counters.last_frame_time_ns) / 1e9
-        return "stalled" if age_seconds > STALLED_SECONDS else "running"
+        age_seconds = (time.time_ns() - self._pipeline.counters.last_frame_time_ns) / 1e9
+        patience_seconds = max(STALLED_SECONDS, STALLED_INTERVALS * self._source.interval_seconds)
+        return "stalled" if age_seconds > patience_seconds else "running"
 
     def _change_state(self, state: State, error: str = "") -> None:
         if state != self._state:

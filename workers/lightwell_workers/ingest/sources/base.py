@@ -20,6 +20,8 @@ class Source(Protocol):
     url: str
     is_live: bool
     """True where frames come at their own pace and the newest wins; False where every frame counts."""
+    interval_seconds: float
+    """Time between frames, as far as the source knows."""
 
     @property
     def frames_dropped(self) -> int:

@@ -68,8 +68,9 @@ class Playback:
     When several pictures are due, the newest that has been read is delivered and the ones before it are dropped and
     counted. The capture time is the wall-clock time at which the picture was due.
 
-    As fast as possible (``realtime=False``) every picture is delivered, and the capture time is the recording's own
-    or, where it has none, the start plus ``p · interval``.
+    As fast as possible (``realtime=False``) every picture is delivered. The capture time is then the first picture's
+    own, where the recording says it, or else the start, plus ``p · interval``: files know whole seconds only, which is
+    too coarse for what follows.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Playback:
     ) -> None:
         self.url = url
         self.is_live = realtime
+        self.interval_seconds = interval_ns / NANOSECONDS
         self._reader = reader
         self._interval_ns = interval_ns
         self._clock: Clock = clock or SystemClock()
@@ -113,7 +115,7 @@ class Playback:
             self._reader.close()
 
     def _play_all(self, pool: ThreadPoolExecutor) -> Iterator[Frame | FrameError]:
-        start_ns = self._clock.wall_ns()
+        start_ns: int | None = None
         pending: deque[_Pending] = deque()
         position = 0
         while not self._closed.is_set():
@@ -130,8 +132,11 @@ class Playback:
             except FrameError as error:
                 yield error
                 continue
-            capture_ns = picture.capture_time_ns or start_ns + taken.position * self._interval_ns
-            yield _frame(picture, source_ms, capture_ns, self._clock.wall_ns())
+            offset_ns = taken.position * self._interval_ns
+            wall_ns = self._clock.wall_ns()
+            if start_ns is None:
+                start_ns = (picture.capture_time_ns or wall_ns) - offset_ns
+            yield _frame(picture, source_ms, start_ns + offset_ns, wall_ns)
 
     def _play_live(self, pool: ThreadPoolExecutor) -> Iterator[Frame | FrameError]:
         pending: deque[_Pending] = deque()
