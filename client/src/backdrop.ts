@@ -1,22 +1,30 @@
-// The surroundings behind the objects: the stream's picture, or the light as the harmonics hold it.
+// The surroundings behind the objects: the stream's picture, or the light as the harmonics hold it. Both are much coarser
+// than the screen, so they are drawn into a small target when they change, and only enlarged with each picture.
 
 import {
   BufferAttribute,
   BufferGeometry,
+  HalfFloatType,
   LinearFilter,
   Mesh,
   NoColorSpace,
   RepeatWrapping,
+  Scene,
   ShaderMaterial,
   Texture,
   Vector2,
+  WebGLRenderTarget,
   type PerspectiveCamera,
+  type WebGLRenderer,
 } from "three";
 
 import { WITHOUT_NEGATIVES, harmonics } from "./glsl.ts";
 import type { LightUniforms } from "./materials.ts";
 import { PAGE_BANDS } from "./sh.ts";
 import type { Backdrop } from "./wire.ts";
+
+/** Screen pixels to a pixel of the small target. */
+const REDUCTION = 4;
 
 const VERTEX = /* glsl */ `
 uniform mat4 worldFromCamera;
@@ -65,12 +73,31 @@ varying vec3 direction;
 #endif
 void main() {
   gl_FragColor = vec4(radianceFrom(normalize(direction)), 1.0);
+}`;
+
+const ENLARGE_VERTEX = /* glsl */ `
+varying vec2 place;
+void main() {
+  place = 0.5 * position.xy + 0.5;
+  gl_Position = vec4(position.xy, 1.0, 1.0);
+}`;
+
+const ENLARGE_FRAGMENT = /* glsl */ `
+uniform sampler2D reduced;
+varying vec2 place;
+void main() {
+  gl_FragColor = vec4(texture2D(reduced, place).rgb, 1.0);
   #include <tonemapping_fragment>
   #include <colorspace_fragment>
 }`;
 
 export class Surroundings {
-  readonly mesh: Mesh<BufferGeometry, ShaderMaterial>;
+  /** What goes behind the objects. */
+  readonly mesh: Mesh;
+  private readonly material: ShaderMaterial;
+  private readonly scene = new Scene();
+  private readonly target = new WebGLRenderTarget(1, 1, { type: HalfFloatType, depthBuffer: false });
+  private stale = true;
   private readonly texture = new Texture();
   private next: Backdrop | null = null;
   private decoding = false;
@@ -80,7 +107,10 @@ export class Surroundings {
   private era = 0;
   private decoded: { bitmap: ImageBitmap; message: Backdrop } | null = null;
 
-  constructor(camera: PerspectiveCamera, light: LightUniforms) {
+  constructor(
+    private readonly camera: PerspectiveCamera,
+    light: LightUniforms,
+  ) {
     this.texture.colorSpace = NoColorSpace;
     this.texture.wrapS = RepeatWrapping;
     this.texture.minFilter = this.texture.magFilter = LinearFilter;
@@ -88,7 +118,7 @@ export class Surroundings {
     this.texture.flipY = false;
     const triangle = new BufferGeometry();
     triangle.setAttribute("position", new BufferAttribute(Float32Array.of(-1, -1, 0, 3, -1, 0, -1, 3, 0), 3));
-    const material = new ShaderMaterial({
+    this.material = new ShaderMaterial({
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
       depthTest: false,
@@ -103,9 +133,39 @@ export class Surroundings {
         cap: { value: 1 },
       },
     });
-    this.mesh = new Mesh(triangle, material);
-    this.mesh.frustumCulled = false;
+    const enlarge = new ShaderMaterial({
+      vertexShader: ENLARGE_VERTEX,
+      fragmentShader: ENLARGE_FRAGMENT,
+      depthTest: false,
+      depthWrite: false,
+      uniforms: { reduced: { value: this.target.texture } },
+    });
+    this.mesh = new Mesh(triangle, enlarge);
     this.mesh.renderOrder = -1;
+    const source = new Mesh(triangle, this.material);
+    this.mesh.frustumCulled = source.frustumCulled = false;
+    this.scene.add(source);
+  }
+
+  /** The camera, the size or the light is another one now. */
+  invalidate(): void {
+    this.stale = true;
+  }
+
+  /** The harmonics are shown, so that new light means new surroundings. */
+  get followsLight(): boolean {
+    return !("PICTURE" in this.material.defines);
+  }
+
+  /** Draw the small target anew where that is needed. */
+  prepare(renderer: WebGLRenderer): void {
+    if (!this.stale || !this.mesh.visible) return;
+    this.stale = false;
+    const size = renderer.getDrawingBufferSize(new Vector2()).divideScalar(REDUCTION).ceil();
+    this.target.setSize(size.x, size.y);
+    renderer.setRenderTarget(this.target);
+    renderer.render(this.scene, this.camera);
+    renderer.setRenderTarget(null);
   }
 
   /** Decode a picture beside the drawing; while one is being decoded only the newest waits. */
@@ -129,7 +189,7 @@ export class Surroundings {
     if (this.decoded === null) return false;
     const { bitmap, message } = this.decoded;
     this.decoded = null;
-    const uniforms = this.mesh.material.uniforms;
+    const { uniforms } = this.material;
     const size = uniforms["size"]!.value as Vector2;
     const previous = this.texture.image as ImageBitmap | null | undefined;
     // A texture's storage keeps its size.
@@ -141,6 +201,7 @@ export class Surroundings {
     this.texture.needsUpdate = true;
     previous?.close();
     this.hasPicture = true;
+    this.stale = true;
     this.chooseVariant();
     return true;
   }
@@ -152,12 +213,13 @@ export class Surroundings {
   }
 
   private chooseVariant(): void {
-    const { material } = this.mesh;
+    const { material } = this;
     const picture = this.wantsPicture && this.hasPicture;
     if ("PICTURE" in material.defines === picture) return;
     if (picture) material.defines["PICTURE"] = 1;
     else delete material.defines["PICTURE"];
     material.needsUpdate = true;
+    this.stale = true;
   }
 
   private async decode(): Promise<void> {

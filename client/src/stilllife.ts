@@ -18,7 +18,7 @@ const LANES = 36;
 const FIRST_LANE = { position: 0, normal: 4, transfer: 8 };
 
 /** What the camera frames, world axes. */
-export const BOUNDS = new Sphere(new Vector3(0.12, -0.08, 0.55), 1.72);
+export const BOUNDS = new Sphere(new Vector3(0.12, -0.08, 0.5), 1.82);
 
 export interface StillLife {
   meshes: Mesh[];

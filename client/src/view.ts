@@ -10,7 +10,7 @@ export type Theme = "auto" | "dark" | "light";
 export interface View {
   /** `null`: the page picks one. */
   stream: string | null;
-  /** Exposure in EV; `null`: metered when a stream's first light arrives. */
+  /** Exposure in EV; `null`: metered, following the light slowly. */
   ev: number | null;
   /** Camera position and target, world metres; `null`: the framed start. */
   camera: readonly number[] | null;

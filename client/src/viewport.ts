@@ -1,9 +1,9 @@
 // The picture: camera, controls and the loop that draws when something has changed.
 
 import {
-  AgXToneMapping,
   ArrowHelper,
   Color,
+  NeutralToneMapping,
   PerspectiveCamera,
   Raycaster,
   Scene,
@@ -24,7 +24,7 @@ import { meanLuminance } from "./sh.ts";
 import { BOUNDS, loadStillLife } from "./stilllife.ts";
 import { EV_RANGE, change, view, type View } from "./view.ts";
 
-const FIELD_OF_VIEW_DEGREES = 30;
+const FIELD_OF_VIEW_DEGREES = 36;
 const HOME_DIRECTION = new Vector3(0.3, -1, 0.3).normalize();
 /** Without a graphics card the cost of a picture is its pixels. */
 const SOFTWARE_PIXEL_RATIO = 0.75;
@@ -32,7 +32,8 @@ const ARROW_LENGTH = 0.8;
 const BALL = { colour: "#ffffff", gloss: 0.92 };
 const TABLE = { colour: "#77736d", gloss: 0 };
 /** Mean radiance of the light, exposed, that looks right on the objects and behind them. */
-const METERED_LEVEL = 0.5;
+const METERED_LEVEL = 0.36;
+const ADAPTATION_MS = 3000;
 
 /** Pixels of the window that the panel covers, on the right and at the bottom. */
 export interface Covered {
@@ -44,8 +45,9 @@ export class Viewport {
   readonly drawn = new Rate();
   readonly rendererName: string;
   readonly isSoftware: boolean;
-  /** Exposure that fits the stream's first light, EV. */
+  /** Exposure that fits the light of the last seconds, EV: as eyes do, it adapts slowly, so that changes are seen. */
   meteredEv = 0;
+  private meteredMs = 0;
   paused = false;
   /** The light on the objects: the newest, unless paused. */
   shown: Light | null = null;
@@ -65,6 +67,7 @@ export class Viewport {
   private objects: Mesh[] = [];
   private covered: Covered = { right: 0, bottom: 0 };
   private dirty = true;
+  private fence: WebGLSync | null = null;
   /** The user has dragged, and the motion has not come to rest. */
   private moved = false;
   private appliedCamera: View["camera"] = null;
@@ -75,7 +78,7 @@ export class Viewport {
     private readonly live: LiveStream,
   ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
-    this.renderer.toneMapping = AgXToneMapping;
+    this.renderer.toneMapping = NeutralToneMapping;
     const gl = this.renderer.getContext();
     const info = gl.getExtension("WEBGL_debug_renderer_info");
     this.rendererName = String(gl.getParameter(info?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
@@ -88,6 +91,8 @@ export class Viewport {
     this.controls.minDistance = 0.8;
     this.controls.maxDistance = 40;
     this.controls.addEventListener("start", () => (this.moved = true));
+
+    this.controls.addEventListener("change", () => this.surroundings.invalidate());
 
     this.surroundings = new Surroundings(this.camera, this.light);
     this.scene.add(this.surroundings.mesh, this.arrow);
@@ -163,7 +168,7 @@ export class Viewport {
   private update(): void {
     const newest = this.live.light;
     if (!this.paused && newest !== this.shown) {
-      if (newest !== null && this.shown === null) this.meter(newest);
+      if (newest !== null) this.meter(newest);
       this.shown = newest;
       this.applyLight(view.peek());
     }
@@ -178,24 +183,47 @@ export class Viewport {
       this.moved = false;
       this.rememberCamera();
     }
-    if (this.dirty) this.render();
+    if (this.dirty && !this.isDrawing()) this.render();
+  }
+
+  /** Whether the last picture is still being drawn: pictures that queue up would delay everything else on the page. */
+  private isDrawing(): boolean {
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    if (this.fence === null) return false;
+    if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return true;
+    gl.deleteSync(this.fence);
+    this.fence = null;
+    return false;
   }
 
   private render(): void {
     this.dirty = false;
+    this.surroundings.prepare(this.renderer);
     this.renderer.render(this.scene, this.camera);
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    if (this.fence !== null) gl.deleteSync(this.fence);
+    this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
     this.drawn.add(nowMs());
   }
 
   private meter(light: Light): void {
     const level = meanLuminance(light.coefficients);
-    const ev = level > 0 ? Math.log2(METERED_LEVEL / level) : 0;
-    this.meteredEv = Math.round(10 * Math.min(EV_RANGE.max, Math.max(EV_RANGE.min, ev))) / 10;
-    this.applyView(view.peek());
+    const wanted = level > 0 ? Math.log2(METERED_LEVEL / level) : 0;
+    const timeMs = nowMs();
+    const share = this.shown === null ? 1 : 1 - Math.exp(-(timeMs - this.meteredMs) / ADAPTATION_MS);
+    const adapted = this.meteredEv + share * (wanted - this.meteredEv);
+    this.meteredEv = Math.min(EV_RANGE.max, Math.max(EV_RANGE.min, adapted));
+    this.meteredMs = timeMs;
+    this.expose(view.peek());
+  }
+
+  private expose({ ev }: View): void {
+    this.renderer.toneMappingExposure = 2 ** (ev ?? this.meteredEv);
   }
 
   private applyView(value: View): void {
-    this.renderer.toneMappingExposure = 2 ** (value.ev ?? this.meteredEv);
+    this.expose(value);
     const { bunny } = this.materials;
     (bunny.uniforms["albedo"]!.value as Color).set(value.colour);
     bunny.uniforms["gloss"]!.value = value.gloss;
@@ -221,6 +249,7 @@ export class Viewport {
   private applyLight(value: View): void {
     if (this.shown !== null) this.light.set(this.shown.coefficients, value.bands, value.exponent);
     for (const material of Object.values(this.materials)) this.light.apply(material, value.shadows);
+    if (this.surroundings.followsLight) this.surroundings.invalidate();
     const dominant = this.shown?.frame.dominant ?? null;
     this.arrow.visible = value.arrow && dominant !== null;
     if (dominant !== null) {
@@ -242,6 +271,7 @@ export class Viewport {
     // The middle of the picture is the middle of what the panel leaves free.
     this.camera.setViewOffset(clientWidth, clientHeight, right / 2, bottom / 2, clientWidth, clientHeight);
     if (view.peek().camera === null) this.placeAtHome();
+    this.surroundings.invalidate();
     this.dirty = true;
   }
 

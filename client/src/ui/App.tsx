@@ -117,7 +117,7 @@ export function App() {
       )}
       {softwareRenderer.value !== "" && (
         <div class="notice" role="note" data-testid="software-notice" title={softwareRenderer.value}>
-          <p>WebGL runs in software here, so motion is slow.</p>
+          <p>WebGL runs in software: motion is slow.</p>
           <button type="button" aria-label="Dismiss" onClick={() => (softwareRenderer.value = "")}>
             ×
           </button>

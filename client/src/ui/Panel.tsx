@@ -113,8 +113,8 @@ export function Panel({ commands, element }: { commands: Commands; element: RefO
               value={ev}
               {...EV_RANGE}
               step={0.1}
-              shown={`${signed(ev)} EV${value.ev === null ? " metered" : ""}`}
-              hint="Double click: metered again"
+              shown={`${signed(ev)} EV${value.ev === null ? " auto" : ""}`}
+              hint="Double click: metered automatically, following the light slowly"
               onInput={(chosen) => change({ ev: chosen })}
               onReset={() => change({ ev: null })}
             />
