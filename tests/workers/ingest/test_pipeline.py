@@ -14,7 +14,7 @@ import structlog
 from lightwell import wire
 from lightwell.errors import FrameError, MappingError
 from lightwell.settings import StreamSettings
-from lightwell_workers.ingest.frame import Frame
+from lightwell_workers.ingest.frame import Frame, Pixels
 from lightwell_workers.ingest.pipeline import REDUCERS, Pipeline
 
 SETTINGS = StreamSettings.model_validate({"source": "synthetic:room", "backdrop": {"enabled": False}})
@@ -35,6 +35,9 @@ class ListSource:
         self.is_live = is_live
         self.pulled = 0
         self._closed = threading.Event()
+
+    def first_picture(self) -> Pixels | None:
+        return next((item.pixels for item in self.items if isinstance(item, Frame)), None)
 
     def __iter__(self) -> Iterator[Frame | FrameError]:
         for item in self.items:

@@ -69,6 +69,19 @@ def test_deadlines_are_absolute() -> None:
     assert reader.closed
 
 
+def test_first_picture_does_not_start_the_clock() -> None:
+    clock = FakeClock()
+    source = Playback("x:", NumberReader(3), INTERVAL_NS, realtime=True, clock=clock)
+    assert source.first_picture() is PIXELS
+    clock.advance_ms(5000)
+    assert [name_of(item) for item in source] == ["0", "1", "2"]
+    assert source.frames_dropped == 0
+
+
+def test_bad_first_picture_is_none() -> None:
+    assert Playback("x:", NumberReader(3, bad=lambda _: True), 1, realtime=True).first_picture() is None
+
+
 def test_capture_time_is_when_the_frame_was_due_on_the_wall_clock() -> None:
     clock = FakeClock()
     frames = iter(Playback("x:", NumberReader(None), INTERVAL_NS, realtime=True, clock=clock))

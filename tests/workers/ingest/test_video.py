@@ -55,7 +55,11 @@ def encode(
 
 def play(url: str) -> list[Frame | FrameError]:
     with open_source(url) as source:
-        return list(source)
+        first = source.first_picture()
+        items = list(source)
+    if isinstance(items[0], Frame):
+        np.testing.assert_array_equal(first, items[0].pixels)
+    return items
 
 
 def means(items: list[Frame | FrameError]) -> list[np.ndarray]:

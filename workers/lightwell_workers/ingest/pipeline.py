@@ -98,6 +98,7 @@ class Pipeline:
         MappingError
             Where the pictures cannot belong to the stream's mapping.
         """
+        self._prepare()
         finishing = threading.Thread(target=self._finish_frames, name="finish", daemon=True)
         finishing.start()
         try:
@@ -109,6 +110,13 @@ class Pipeline:
             self._backdrop.close()
         if self._failure is not None:
             raise self._failure
+
+    def _prepare(self) -> None:
+        """Make the tables and load the kernels with the first picture, before the first frame is due."""
+        pixels = self._source.first_picture()
+        if pixels is not None:
+            frame = Frame(pixels=pixels, name="", capture_time_ns=0, ingest_time_ns=0)
+            Finisher("", "").finish(reduce_frame(frame, self.settings, self._geometries))
 
     def _capture(self, reducers: ThreadPoolExecutor) -> None:
         frames = iter(self._source)

@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from lightwell.errors import FrameError
-from lightwell_workers.ingest.frame import Frame
+from lightwell_workers.ingest.frame import Frame, Pixels
 
 
 class Source(Protocol):
@@ -26,6 +26,12 @@ class Source(Protocol):
     @property
     def frames_dropped(self) -> int:
         """Frames that were overtaken by a newer one before they were taken."""
+
+    def first_picture(self) -> Pixels | None:
+        """Return the first picture without starting the play, so that tables can be made for its size.
+
+        None where it cannot be had beforehand. Call it before iterating.
+        """
 
     def __iter__(self) -> Iterator[Frame | FrameError]:
         """Return the frames; at most one iteration a source."""

@@ -46,7 +46,7 @@ class Reader(Protocol):
     length: int | None
     """How many positions there are; None where only reading tells (`EndOfRecordingError`), or there is no end."""
     threads: int
-    """How many positions may be read at the same time; with 1 they are asked for in rising order."""
+    """How many positions may be read at the same time; with 1 none is asked for that lies before the last one."""
 
     def read(self, position: int) -> Picture:
         """Return the picture at ``position``; raises `FrameError` where it cannot be used."""
@@ -104,6 +104,13 @@ class Playback:
     ) -> None:
         """Close it."""
         self.close()
+
+    def first_picture(self) -> Pixels | None:
+        """Return the first picture; None where it cannot be used."""
+        try:
+            return self._reader.read(0).pixels
+        except (FrameError, EndOfRecordingError):
+            return None
 
     def __iter__(self) -> Iterator[Frame | FrameError]:
         """Yield the frames."""

@@ -127,19 +127,18 @@ class _VideoReader:
         self._converter = converter
         self._loop = loop
         self._items = self._decode_forever()
-        self._position = 0
+        self._item: tuple[int, VideoFrame] | FrameError | None = None
+        self._position = -1
 
     def read(self, position: int) -> Picture:
-        item = None
-        while self._position <= position:
-            item = next(self._items, None)
+        while self._position < position:
+            self._item = next(self._items, None)
             self._position += 1
-            if item is None:
-                raise EndOfRecordingError
-        if isinstance(item, FrameError):
-            raise item
-        assert item is not None, "positions rise"
-        number, frame = item
+        if self._item is None:
+            raise EndOfRecordingError
+        if isinstance(self._item, FrameError):
+            raise self._item
+        number, frame = self._item
         name = f"{self._name} frame {number}"
         try:
             return Picture(pixels=self._converter.convert(frame), name=name)
