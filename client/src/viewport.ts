@@ -28,12 +28,12 @@ const FIELD_OF_VIEW_DEGREES = 36;
 const HOME_DIRECTION = new Vector3(0.3, -1, 0.3).normalize();
 /** Without a graphics card the cost of a picture is its pixels. */
 const SOFTWARE_PIXEL_RATIO = 0.75;
-const ARROW_LENGTH = 0.8;
+const ARROW_LENGTH = 0.65;
 const BALL = { colour: "#ffffff", gloss: 0.92 };
 const TABLE = { colour: "#77736d", gloss: 0 };
 /** Mean radiance of the light, exposed, that looks right on the objects and behind them. */
 const METERED_LEVEL = 0.36;
-const ADAPTATION_MS = 3000;
+const ADAPTATION_MS = 1500;
 
 /** Pixels of the window that the panel covers, on the right and at the bottom. */
 export interface Covered {
@@ -254,7 +254,7 @@ export class Viewport {
     this.arrow.visible = value.arrow && dominant !== null;
     if (dominant !== null) {
       const direction = new Vector3(...dominant.direction);
-      this.arrow.position.copy(BOUNDS.center).addScaledVector(direction, 1.35 + ARROW_LENGTH);
+      this.arrow.position.copy(BOUNDS.center).addScaledVector(direction, 0.95 + ARROW_LENGTH);
       this.arrow.setDirection(direction.negate());
       this.arrow.setColor(hue(dominant.irradiance));
     }

@@ -31,13 +31,13 @@ export function LatencyGraph() {
         {
           width: element.clientWidth,
           height: HEIGHT,
-          padding: [6, 4, 0, 0],
+          padding: [6, 14, 0, 0],
           legend: { show: false },
           cursor: { show: false },
           scales: { x: { time: false, range: [-HISTORY_MS / 1000, 0] }, y: { range: (_, __, most) => [0, Math.max(5, 1.15 * most)] } },
           axes: [
-            { ...axis, size: 18, values: (_, ticks) => ticks.map((tick) => (tick === 0 ? "now" : `${tick} s`)), space: 60 },
-            { ...axis, size: 30, space: 26 },
+            { ...axis, size: 22, values: (_, ticks) => ticks.map((tick) => (tick === 0 ? "now" : `−${-tick} s`)), space: 60 },
+            { ...axis, size: 34, space: 26, gap: 6 },
           ],
           series: [
             {},
