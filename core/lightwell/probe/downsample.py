@@ -135,7 +135,8 @@ class Downsampler:
         whole pixels.
     method
         ``area``: means over the exact area of each target pixel; the sum of solid angle times radiance stays what it
-        was. ``gaussian``: the iterated Gaussian of paper 003.
+        was. ``gaussian``: the iterated Gaussian of paper 003, which keeps constants but not quite the energy of a light
+        beside a pole (5 % less for a sun in row 20 of 816, reduced ×16).
 
     Attributes
     ----------
@@ -219,7 +220,8 @@ class Downsampler:
         rows, cols = overlaps(small.shape[0], self.mapping.height), overlaps(small.shape[1], self.mapping.width)
         cells = np.stack([sum_cells(small[..., channel], rows, cols) for channel in range(4)], axis=-1)
         mean = np.divide(cells[..., :3], cells[..., 3:], out=np.zeros(cells[..., :3].shape), where=cells[..., 3:] > 0)
-        return mean.astype(np.float32)
+        # The blur spills over the probe's outline; cells that stand for nothing stay dark.
+        return (mean * (self.mapping.solid_angles() > 0)[..., None]).astype(np.float32)
 
 
 def sum_cells(table: NDArray[np.floating[Any]], rows: Overlaps, cols: Overlaps) -> Floats:

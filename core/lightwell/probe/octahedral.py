@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightwell.errors import MappingError
-from lightwell.probe.footprint import gauss_footprints, sum_solid_angles
+from lightwell.probe.footprint import sum_solid_angles
 from lightwell.probe.mapping import Bools, Floats, Mapping, Samples
 
 
@@ -58,13 +58,37 @@ class Octahedral(Mapping):
         return np.asarray((2 / self.width) ** 2 / np.linalg.norm(q, axis=-1) ** 3)
 
     def footprints(self) -> Iterator[Samples]:
-        """Yield Gauss–Legendre samples of every pixel."""
-        return gauss_footprints(self, np.ones((self.height, self.width), dtype=np.bool_))
+        """Yield eight triangles a pixel: their centroids, with their exact solid angles.
+
+        Half pixels, cut along the direction of the fold in their quadrant, lie on one face of the octahedron each, so
+        they are spherical triangles: ``tan(Ω/2) = a·(b×c) / (1 + a·b + b·c + c·a)`` (van Oosterom and Strackee 1983).
+        """
+        n = 2 * self.width
+        corner = self.directions(np.arange(n + 1)[None, :] / 2, np.arange(n + 1)[:, None] / 2)[0]
+        row, column = np.divmod(np.arange(n * n), n)
+        # The fold |u|+|v| = 1 runs down to the right where u and v have the same sign, and up to the right elsewhere.
+        falling = (row < self.width) == (column >= self.width)
+        near = corner[row, np.where(falling, column, column + 1)]
+        far = corner[row + 1, np.where(falling, column + 1, column)]
+        pixel = (row // 2) * self.width + column // 2
+        for third in (
+            corner[row, np.where(falling, column + 1, column)],
+            corner[row + 1, np.where(falling, column, column + 1)],
+        ):
+            centroid = near + far + third
+            yield pixel, centroid / np.linalg.norm(centroid, axis=-1, keepdims=True), _triangles(near, far, third)
 
     def solid_angles(self) -> Floats:
-        """Return the solid angles ``(N, N)``, by the quadrature of `footprints`."""
+        """Return the exact solid angles ``(N, N)``."""
         return self._solid_angles
 
     @cached_property
     def _solid_angles(self) -> Floats:
         return sum_solid_angles(self)
+
+
+def _triangles(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Return the solid angles of spherical triangles of unit vectors ``(…, 3)``."""
+    volume = np.abs(np.sum(a * np.cross(b, c), axis=-1))
+    cosines = np.sum(a * b, axis=-1) + np.sum(b * c, axis=-1) + np.sum(c * a, axis=-1)
+    return np.asarray(2 * np.arctan2(volume, 1 + cosines))
