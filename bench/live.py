@@ -70,8 +70,9 @@ def _play(folder: Path, width: int, height: int, compression: str) -> list[Row]:
     statuses: list[StreamStatus] = []
     spawn = multiprocessing.get_context("spawn")
     ours, theirs = spawn.Pipe()
-    sink = spawn.Process(target=_run_sink, args=(theirs,))
+    sink = spawn.Process(target=_run_sink, args=(theirs,), daemon=True)
     sink.start()
+    theirs.close()  # ours is then at its end when the sink is
     source = f"exr:{folder}/frame.%04d.exr?realtime=0"
     run_worker(StreamSettings(source=source), "bench", f"http://127.0.0.1:{ours.recv()}", on_status=statuses.append)
     fps: float = ours.recv()

@@ -31,8 +31,7 @@ class Callbacks:
         self.settings.append(settings)
         self.settings_came.set()
 
-    def on_sent(self, frame: Frame, publish_ms: float) -> None:
-        assert publish_ms >= 0
+    def on_sent(self, frame: Frame) -> None:
         self.sent.append(frame)
 
 
@@ -96,6 +95,7 @@ def test_frames_are_numbered_and_stamped_when_they_are_sent() -> None:
     assert [frame.source_frame for frame in server.frames] == [str(n) for n in range(30)]
     stamps = [frame.publish_time_ns for frame in server.frames]
     assert stamps == sorted(stamps)
+    assert all(frame.quality.stage_ms["publish"] >= 0 for frame in server.frames)
     assert publisher.published == 30
 
 

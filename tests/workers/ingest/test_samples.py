@@ -13,7 +13,6 @@ from lightwell.settings import StreamSettings
 from lightwell_workers.ingest import samples
 from lightwell_workers.ingest.frame import Frame
 from lightwell_workers.ingest.samples import MAP_NAMES, MIRROR_SPHERE, make_samples, map_path
-from lightwell_workers.ingest.stages.map import GeometryCache
 from lightwell_workers.ingest.stages.reduce import reduce_frame
 
 
@@ -75,7 +74,7 @@ def test_mirror_sphere_gives_back_the_hall() -> None:
     frame = Frame(pixels=pixels, name="0", capture_time_ns=1, ingest_time_ns=1)
     sphere = StreamSettings(source="exr:x", mapping=MIRROR_SPHERE, resolution=0)
     hall = Frame(pixels=samples._radiance("hall"), name="hall", capture_time_ns=1, ingest_time_ns=1)
-    truth = reduce_frame(hall, StreamSettings(source="exr:x", resolution=0), GeometryCache()).coefficients
-    result = reduce_frame(frame, sphere, GeometryCache()).coefficients
+    truth = reduce_frame(hall, StreamSettings(source="exr:x", resolution=0)).coefficients
+    result = reduce_frame(frame, sphere).coefficients
     assert np.linalg.norm(result - truth) < 0.01 * np.linalg.norm(truth)
     assert np.all(pixels[0, 0] == 0)

@@ -25,7 +25,7 @@ from lightwell_workers.ingest.frame import Frame
 from lightwell_workers.ingest.sources import open_source
 from lightwell_workers.ingest.stages.backdrop import LOG_CAP, LOG_K, BackdropStage, encode_log_jpeg, turn
 from lightwell_workers.ingest.stages.finish import Finisher
-from lightwell_workers.ingest.stages.map import PERSISTENT_FRAMES, GeometryCache, SizeGate
+from lightwell_workers.ingest.stages.map import PERSISTENT_FRAMES, SizeGate, make_geometry
 from lightwell_workers.ingest.stages.reduce import Reduced, reduce_frame
 from lightwell_workers.ingest.stages.timing import StageAverages
 
@@ -42,7 +42,7 @@ def settings(**changes: object) -> StreamSettings:
 
 
 def reduced(one: Frame, **changes: object) -> Reduced:
-    return reduce_frame(one, settings(**changes), GeometryCache())
+    return reduce_frame(one, settings(**changes))
 
 
 def test_one_frame_of_another_size_is_refused_and_a_lasting_one_adopted() -> None:
@@ -67,18 +67,16 @@ def test_sizes_that_take_turns_never_persist() -> None:
         assert gate.refusal(frame(4, 8)) is not None
 
 
-def test_geometry_is_kept_for_all_threads() -> None:
-    cache = GeometryCache()
-    first = cache.get(settings(), 16, 32)
-    others = []
-    threads = [threading.Thread(target=lambda: others.append(cache.get(settings(), 16, 32))) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert all(other is first for other in others)
-    assert cache.get(settings(bands=3), 16, 32) is not first
-    assert cache.get(settings(gain=2.0), 16, 32) is first
+def test_tables_are_kept_by_what_they_depend_on() -> None:
+    first = make_geometry(settings(resolution=16), 16, 32)
+    again = make_geometry(settings(resolution=16, gain=2.0), 16, 32)
+    assert again.downsampler is first.downsampler
+    assert again.projector is first.projector
+    other_bands = make_geometry(settings(resolution=16, bands=3), 16, 32)
+    assert other_bands.downsampler is first.downsampler
+    assert other_bands.projector is not first.projector
+    assert make_geometry(settings(resolution=8), 16, 32).mapping is first.mapping
+    assert make_geometry(settings(resolution=16), 32, 64).mapping is not first.mapping
 
 
 def test_a_picture_that_cannot_belong_to_the_mapping_is_an_error_with_a_remedy() -> None:

@@ -8,7 +8,6 @@ import pytest
 from lightwell.settings import MappingSettings, StreamSettings
 from lightwell_workers.ingest.frame import Frame
 from lightwell_workers.ingest.sources import open_source
-from lightwell_workers.ingest.stages.map import GeometryCache
 from lightwell_workers.ingest.stages.reduce import reduce_frame
 
 
@@ -38,7 +37,7 @@ def test_frames_project_to_the_truth(mapping: MappingSettings, width: int, toler
     settings = StreamSettings(source="synthetic:room", mapping=mapping, resolution=0)
     assert one.truth is not None
     truth = one.truth[:25]
-    result = reduce_frame(one, settings, GeometryCache()).coefficients
+    result = reduce_frame(one, settings).coefficients
     assert np.linalg.norm(result - truth) < tolerance * np.linalg.norm(truth)
 
 

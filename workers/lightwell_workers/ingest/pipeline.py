@@ -27,7 +27,7 @@ from lightwell_workers.ingest.log import stage_logger
 from lightwell_workers.ingest.sources.base import Source
 from lightwell_workers.ingest.stages.backdrop import BackdropStage
 from lightwell_workers.ingest.stages.finish import Finisher
-from lightwell_workers.ingest.stages.map import GeometryCache, SizeGate
+from lightwell_workers.ingest.stages.map import SizeGate, make_geometry
 from lightwell_workers.ingest.stages.reduce import Reduced, reduce_frame
 
 REDUCERS = 2
@@ -67,7 +67,6 @@ class Pipeline:
         """Those for the frames that come next; replaced as a whole, by `configure` alone."""
         self._source = source
         self._sink = sink
-        self._geometries = GeometryCache()
         self._size_gate = SizeGate()
         self._finisher = Finisher(stream, session)
         self._backdrop = BackdropStage(stream, session, sink.show)
@@ -87,7 +86,7 @@ class Pipeline:
             Where the settings do not suit the stream's pictures; nothing has changed then.
         """
         if self._size_gate.size is not None:
-            self._geometries.get(settings, *self._size_gate.size)
+            make_geometry(settings, *self._size_gate.size)
         self.settings = settings
 
     def run(self) -> None:
@@ -116,7 +115,7 @@ class Pipeline:
         pixels = self._source.first_picture()
         if pixels is not None:
             frame = Frame(pixels=pixels, name="", capture_time_ns=0, ingest_time_ns=0)
-            Finisher("", "").finish(reduce_frame(frame, self.settings, self._geometries))
+            Finisher("", "").finish(reduce_frame(frame, self.settings))
 
     def _capture(self, reducers: ThreadPoolExecutor) -> None:
         frames = iter(self._source)
@@ -128,7 +127,7 @@ class Pipeline:
             self.counters.frames_in += 1
             error = item if isinstance(item, FrameError) else self._size_gate.refusal(item)
             if isinstance(item, Frame) and error is None:
-                self._in_order.put(reducers.submit(reduce_frame, item, self.settings, self._geometries))
+                self._in_order.put(reducers.submit(reduce_frame, item, self.settings))
             elif error is not None:
                 self._skip(error)
                 self._free_reducers.release()

@@ -102,14 +102,14 @@ class Publisher:
         token: str | None,
         announce: Callable[[], Announce],
         on_settings: Callable[[dict[str, object]], None],
-        on_sent: Callable[[Frame, float], None],
+        on_sent: Callable[[Frame], None],
         *,
         lossless: bool,
     ) -> None:
         """Prepare; nothing is sent before `start`.
 
         ``on_settings`` gets the settings of each Welcome and Configure, ``on_sent`` each frame that has been given to
-        the socket and the milliseconds since `publish`. Both are called on threads of the publisher.
+        the socket. Both are called on threads of the publisher.
         """
         self._url = url
         self._headers = {"Authorization": f"Bearer {token}"} if token else {}
@@ -295,13 +295,14 @@ class Publisher:
         queued_ns = frame.publish_time_ns
         frame.seq = self._published
         frame.publish_time_ns = time.time_ns()
+        frame.quality.stage_ms["publish"] = (frame.publish_time_ns - queued_ns) / 1e6
         try:
             await connection.send(encode(frame))
         except ConnectionClosed:
             self._outbox.put_back(frame)
             raise
         self._published += 1
-        self._on_sent(frame, (time.time_ns() - queued_ns) / 1e6)
+        self._on_sent(frame)
 
 
 def _raise_if_final(error: Exception) -> None:

@@ -31,7 +31,7 @@ from lightwell.settings import MappingSettings, StreamSettings
 FRAMES = 120
 """Length of each sequence: four seconds."""
 FPS = 30
-SPHERE_PIXELS = 320
+SPHERE_PIXELS = 256
 WRITERS = 2
 
 _MAPS = Path(__file__).resolve().parent.parent / "samples" / "hdri"

@@ -244,8 +244,8 @@ class _Worker:
             return 0.0
         return round((len(recent) - 1) / max(now - recent[0], 1e-3), 2)
 
-    def _note_sent(self, frame: Frame, publish_ms: float) -> None:
-        self._averages.add({**frame.quality.stage_ms, "publish": publish_ms})
+    def _note_sent(self, frame: Frame) -> None:
+        self._averages.add(frame.quality.stage_ms)
         now = time.monotonic()
         self._sent_at.append(now)
         while now - self._sent_at[0] > RATE_SECONDS:

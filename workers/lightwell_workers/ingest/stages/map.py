@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import threading
 from dataclasses import dataclass
+from functools import lru_cache
 
 from lightwell.errors import FrameError
 from lightwell.probe.downsample import Downsampler
@@ -17,7 +17,11 @@ from lightwell_workers.ingest.frame import Frame
 PERSISTENT_FRAMES = 10
 """Frames in a row of one new size after which the stream changes to it."""
 
-KEPT_GEOMETRIES = 2
+KEPT = 4
+"""Mappings and downsamplers that are kept: those before and after a change of settings or size."""
+
+_mapping = lru_cache(maxsize=KEPT)(make_mapping)
+_downsampler = lru_cache(maxsize=KEPT)(Downsampler)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,17 +39,18 @@ class Geometry:
 def make_geometry(settings: StreamSettings, height: int, width: int) -> Geometry:
     """Return the tables for ``settings`` and pictures of ``height × width``.
 
-    A picture that is no wider than the resolution is projected as it is.
+    A picture that is no wider than the resolution is projected as it is. Tables are made once and then kept, each kind
+    by what it depends on: calling this for every frame costs microseconds.
 
     Raises
     ------
     MappingError
         Where a picture of this size cannot belong to the mapping.
     """
-    mapping = make_mapping(settings.mapping, height, width)
+    mapping = _mapping(settings.mapping, height, width)
     downsampler = None
     if 0 < settings.resolution < width:
-        downsampler = Downsampler(mapping, settings.resolution, settings.downsample)
+        downsampler = _downsampler(mapping, settings.resolution, settings.downsample)
     reduced = mapping if downsampler is None else downsampler.mapping
     return Geometry(
         mapping=mapping,
@@ -53,35 +58,6 @@ def make_geometry(settings: StreamSettings, height: int, width: int) -> Geometry
         projector=projector(reduced, settings.bands, settings.weights, settings.mapping.blind),
         blind_fraction=(1.0 - math.cos(mapping.blind_half_angle)) / 2.0,
     )
-
-
-class GeometryCache:
-    """Keeps the newest geometries, for several threads: those before and after a change of settings."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._geometries: dict[tuple[object, ...], Geometry] = {}
-
-    def get(self, settings: StreamSettings, height: int, width: int) -> Geometry:
-        """Return the geometry; made, outside the lock, where it is not kept. Raises as `make_geometry`."""
-        key = (
-            settings.mapping,
-            settings.bands,
-            settings.resolution,
-            settings.downsample,
-            settings.weights,
-            height,
-            width,
-        )
-        with self._lock:
-            geometry = self._geometries.get(key)
-        if geometry is None:
-            geometry = make_geometry(settings, height, width)
-            with self._lock:
-                while len(self._geometries) >= KEPT_GEOMETRIES:
-                    self._geometries.pop(next(iter(self._geometries)))
-                self._geometries[key] = geometry
-        return geometry
 
 
 class SizeGate:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lightwell.probe.samples import SampleCounts
 from lightwell.settings import StreamSettings
 from lightwell_workers.ingest.frame import Frame, Pixels
-from lightwell_workers.ingest.stages.map import Geometry, GeometryCache
+from lightwell_workers.ingest.stages.map import Geometry, make_geometry
 from lightwell_workers.ingest.stages.merge import merge
 from lightwell_workers.ingest.stages.timing import StageTimes
 
@@ -31,7 +31,7 @@ class Reduced:
     times: StageTimes
 
 
-def reduce_frame(frame: Frame, settings: StreamSettings, geometries: GeometryCache) -> Reduced:
+def reduce_frame(frame: Frame, settings: StreamSettings) -> Reduced:
     """Run the order-free stages on one frame; safe on several threads at once.
 
     Raises
@@ -44,7 +44,7 @@ def reduce_frame(frame: Frame, settings: StreamSettings, geometries: GeometryCac
     with times.measure("merge"):
         pixels, counts = merge(frame.pixels, settings.negatives)
     with times.measure("map"):
-        geometry = geometries.get(settings, pixels.shape[0], pixels.shape[1])
+        geometry = make_geometry(settings, pixels.shape[0], pixels.shape[1])
     with times.measure("downsample"):
         reduced = pixels if geometry.downsampler is None else geometry.downsampler(pixels)
     with times.measure("project"):
