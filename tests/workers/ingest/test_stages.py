@@ -8,6 +8,7 @@ import threading
 import cv2
 import numpy as np
 import pytest
+import structlog
 
 from lightwell.errors import MappingError
 from lightwell.probe.factory import make_mapping
@@ -221,6 +222,17 @@ def test_backdrop_comes_at_its_own_rate_and_never_blocks() -> None:
     assert len(shown) == 1
     assert (shown[0].width, shown[0].height, shown[0].seq) == (64, 32, 0)
     assert light_of(decode(shown[0].jpeg)).mean() == pytest.approx(2.0, rel=0.05)
+
+
+def test_broken_backdrop_is_logged_and_stops_nothing() -> None:
+    def show(backdrop: Backdrop) -> None:
+        raise RuntimeError("broken")
+
+    with structlog.testing.capture_logs() as logs:
+        stage = BackdropStage("s", "session", show)
+        stage.offer(reduced(frame(), backdrop=BackdropSettings(width=64)))
+        stage.close()
+    assert [entry["event"] for entry in logs] == ["no more backdrops"]
 
 
 def test_averages_follow() -> None:

@@ -15,6 +15,7 @@ from lightwell.probe.factory import make_mapping
 from lightwell.probe.mapping import Mapping
 from lightwell.probe.unwrap import Unwrapper
 from lightwell.settings import MappingSettings
+from lightwell_workers.ingest.log import stage_logger
 from lightwell_workers.ingest.stages.reduce import Reduced
 
 LOG_K = 200.0
@@ -84,7 +85,11 @@ class BackdropStage:
                 reduced, self._waiting = self._waiting, None
             if reduced is None:
                 return
-            self._show(self._make(reduced))
+            try:
+                self._show(self._make(reduced))
+            except Exception as error:  # a defect: the light goes on without its backdrop
+                stage_logger("backdrop").error("no more backdrops", exc_info=error)
+                return
 
     def _make(self, reduced: Reduced) -> wire.Backdrop:
         settings = reduced.settings.backdrop
