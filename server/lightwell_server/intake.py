@@ -10,6 +10,22 @@ from lightwell.conventions import coefficient_count
 from lightwell.wire import Backdrop, DominantLight, Frame, StreamStatus
 
 FLOAT_BYTES = 4
+LATE_NS = 50_000_000
+"""A frame that took so much longer than the quickest one is late: the server is behind, or the network is."""
+
+
+class Punctuality:
+    """Tells frames that were held up on their way, whatever the difference between the two machines' clocks."""
+
+    def __init__(self) -> None:
+        self._quickest_ns: int | None = None
+
+    def is_late(self, publish_time_ns: int, received_ns: int) -> bool:
+        """Return whether a frame took much longer than the quickest one so far."""
+        took_ns = received_ns - publish_time_ns
+        if self._quickest_ns is None or took_ns < self._quickest_ns:
+            self._quickest_ns = took_ns
+        return took_ns - self._quickest_ns > LATE_NS
 
 
 def check_message(message: Frame | Backdrop | StreamStatus, stream: str, session: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 from tests.support.publisher import make_backdrop, make_frame, make_status
 
 from lightwell.wire import DominantLight, WindowUsed, pack_coefficients
-from lightwell_server.intake import check_message
+from lightwell_server.intake import LATE_NS, Punctuality, check_message
 
 
 def test_valid_messages_pass() -> None:
@@ -52,3 +52,13 @@ def test_a_mistake_is_named(changes: dict[str, Any], message: str) -> None:
 def test_a_backdrop_must_be_a_jpeg() -> None:
     with pytest.raises(ValueError, match="no JPEG"):
         check_message(make_backdrop(jpeg=b"GIF89a"), "probe", "s1")
+
+
+def test_lateness_does_not_depend_on_the_clocks() -> None:
+    for offset_ns in (0, -(10**12), 10**12):
+        punctuality = Punctuality()
+        assert not punctuality.is_late(1000 + offset_ns, 2000)
+        assert not punctuality.is_late(2000 + offset_ns, 3000 + LATE_NS)
+        assert punctuality.is_late(3000 + offset_ns, 4001 + LATE_NS)
+        assert not punctuality.is_late(5000 + offset_ns, 5500)
+        assert punctuality.is_late(6000 + offset_ns, 6501 + LATE_NS)

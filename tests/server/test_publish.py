@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +89,8 @@ def first_answer(server: str, message: Message | None, stream: str = "shy") -> s
     url = f"{server.replace('http', 'ws', 1)}/api/v1/streams/{stream}/publish"
     with connect(url, subprotocols=[Subprotocol(SUBPROTOCOL)], compression=None) as socket:
         if message is not None:
-            socket.send(encode(message))
+            with contextlib.suppress(ConnectionClosed):  # refused already; the reason is there to be read
+                socket.send(encode(message))
         refusal = receive(socket)
         assert isinstance(refusal, Refused)
         return refusal.reason

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
@@ -94,7 +96,8 @@ class Publisher:
             legacy=True,
         )
         announced = {"source": "exr:/pictures", "bands": 3} | (settings or {})
-        self.send(Announce(stream=stream, session=session, worker_version="0", settings=announced))
+        with contextlib.suppress(ConnectionClosed):  # refused already; the reason is there to be read
+            self.send(Announce(stream=stream, session=session, worker_version="0", settings=announced))
         self.first_reply = self.receive()
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import structlog
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
@@ -33,7 +35,9 @@ def make_config(data_dir: Path, **sections: Any) -> Config:
 
 @contextlib.contextmanager
 def running_server(data_dir: Path, page: Path | None = None, **sections: Any) -> Iterator[str]:
-    """Run a server in a thread and give its URL."""
+    """Run a server in a thread and give its URL; it keeps its log to itself."""
+    logging_before = structlog.get_config()
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
     server = Server(make_config(data_dir, **sections), page)
     thread = threading.Thread(target=server.run, name="server")
     thread.start()
@@ -44,6 +48,7 @@ def running_server(data_dir: Path, page: Path | None = None, **sections: Any) ->
     finally:
         server.stop()
         thread.join()
+        structlog.configure(**logging_before)
 
 
 @contextlib.contextmanager

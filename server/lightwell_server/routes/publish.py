@@ -33,7 +33,7 @@ from lightwell.wire import (
 from lightwell_server.auth import Scope
 from lightwell_server.config import complaint
 from lightwell_server.hub import Channel, Publisher
-from lightwell_server.intake import check_message
+from lightwell_server.intake import Punctuality, check_message
 from lightwell_server.quiet import OnceInAWhile
 from lightwell_server.routes.refusal import RefusedError, admit, refuse
 from lightwell_server.services import Services, services
@@ -128,6 +128,7 @@ async def _send(
 
 async def _receive(websocket: WebSocket, channel: Channel, publisher: Publisher, parts: Services) -> None:
     """Check each message and hand it to the channel."""
+    punctuality = Punctuality()
     with contextlib.suppress(WebSocketDisconnect):
         while True:
             message, data = await _next(websocket)
@@ -141,9 +142,13 @@ async def _receive(websocket: WebSocket, channel: Channel, publisher: Publisher,
             channel.counters.bytes_in += len(data)
             match message:
                 case Frame():
+                    received_ns = time.time_ns()
                     channel.publish_frame(message, time.monotonic())
-                    parts.metrics.observe(message, time.time_ns())
-                    await asyncio.sleep(0)  # subscribers take this frame before one that has come right behind it
+                    parts.metrics.observe(message, received_ns)
+                    # Two frames that come together both reach those subscribers that are ready. Where frames come
+                    # late there is a queue of them, and the newest of it may overtake the others.
+                    if not punctuality.is_late(message.publish_time_ns, received_ns):
+                        await asyncio.sleep(0)
                 case Backdrop():
                     channel.publish_backdrop(data)
                 case StreamStatus():
