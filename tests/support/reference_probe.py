@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import sphericart
@@ -20,7 +21,7 @@ MAP_NAMES = sorted(path.stem for path in HDRI.glob("*.exr"))
 
 ROOT_4PI = math.sqrt(4 * math.pi)
 
-MAPPINGS: dict[str, tuple[dict, int, int]] = {
+MAPPINGS: dict[str, tuple[dict[str, Any], int, int]] = {
     "latlong": ({"kind": "latlong"}, 64, 128),
     "octahedral": ({"kind": "octahedral"}, 90, 90),
     "row strip": ({"kind": "cube"}, 32, 192),
@@ -71,7 +72,7 @@ def real_map(name: str) -> NDArray[np.float16]:
     """Return a real lat-long map, ``(256, 512, 3)``."""
     pixels = read_rgb(HDRI / f"{name}.exr").pixels
     assert pixels.dtype == np.float16
-    return pixels
+    return np.asarray(pixels, dtype=np.float16)
 
 
 def basis(directions: NDArray[np.float64], bands: int) -> NDArray[np.float64]:
@@ -97,21 +98,21 @@ def latlong_solid_angles(height: int, width: int) -> NDArray[np.float64]:
     return np.repeat((edges[:-1] - edges[1:])[:, None] * (2 * math.pi / width), width, axis=1)
 
 
-def project_latlong(image: NDArray, bands: int) -> NDArray[np.float64]:
+def project_latlong(image: NDArray[Any], bands: int) -> NDArray[np.float64]:
     """Return ``Σ ΔΩ L Y`` over the pixels of a lat-long picture in float64, ``(bands², 3)``."""
     height, width, _ = image.shape
     weighted = image.astype(np.float64) * latlong_solid_angles(height, width)[..., None]
-    return np.einsum("ijk,ijc->kc", basis(latlong_directions(height, width), bands), weighted)
+    return np.asarray(np.einsum("ijk,ijc->kc", basis(latlong_directions(height, width), bands), weighted))
 
 
-def project_centres(mapping: Mapping, image: NDArray, bands: int) -> NDArray[np.float64]:
+def project_centres(mapping: Mapping, image: NDArray[Any], bands: int) -> NDArray[np.float64]:
     """Return ``Σ ΔΩ L Y`` with the basis at the centres of the pixels of any picture, ``(bands², 3)``."""
     directions, _ = mapping.directions(*mapping.pixel_centres())
     weighted = image.astype(np.float64) * mapping.solid_angles()[..., None]
-    return np.einsum("ijk,ijc->kc", basis(directions, bands), weighted)
+    return np.asarray(np.einsum("ijk,ijc->kc", basis(directions, bands), weighted))
 
 
-def area_means(image: NDArray, weights: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
+def area_means(image: NDArray[Any], weights: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
     """Return weighted means over equal cells by splitting every pixel, one at a time, ``(height, width, 3)``."""
     rows, cols = image.shape[:2]
     total, weight = np.zeros((height, width, 3)), np.zeros((height, width, 1))
@@ -128,7 +129,7 @@ def area_means(image: NDArray, weights: NDArray[np.float64], height: int, width:
     return np.divide(total, weight, out=np.zeros_like(total), where=weight > 0)
 
 
-def latlong_means(image: NDArray, height: int, width: int) -> NDArray[np.float64]:
+def latlong_means(image: NDArray[Any], height: int, width: int) -> NDArray[np.float64]:
     """Return means over the cells of a coarser lat-long grid, piece by piece with exact solid angles."""
     rows, cols = image.shape[:2]
     total, weight = np.zeros((height, width, 3)), np.zeros((height, width, 1))
@@ -140,10 +141,10 @@ def latlong_means(image: NDArray, height: int, width: int) -> NDArray[np.float64
                 solid_angle = wide * (math.cos(math.pi * top) - math.cos(math.pi * bottom))
                 total[target_i, target_j] += solid_angle * image[i, j].astype(np.float64)
                 weight[target_i, target_j] += solid_angle
-    return total / weight
+    return np.asarray(total / weight)
 
 
-def relative_error(value: NDArray, reference: NDArray) -> float:
+def relative_error(value: NDArray[Any], reference: NDArray[Any]) -> float:
     """Return ``|value − reference| / |reference|`` over the whole coefficient vector."""
     return float(np.linalg.norm(value - reference) / np.linalg.norm(reference))
 
@@ -151,4 +152,4 @@ def relative_error(value: NDArray, reference: NDArray) -> float:
 def random_directions(count: int, seed: int = 0) -> NDArray[np.float64]:
     """Return uniformly distributed unit vectors, ``(count, 3)``."""
     vectors = np.random.default_rng(seed).normal(size=(count, 3))
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

@@ -100,8 +100,8 @@ class Mapping(ABC):
 
     def nearest_covered(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
         """Return points of pixels that are read near the given picture points, ``(…)``; those in such pixels stay."""
-        column: Floats = np.clip(np.asarray(x, dtype=np.float64), 0.0, self.width - 1e-9)
-        row: Floats = np.clip(np.asarray(y, dtype=np.float64), 0.0, self.height - 1e-9)
+        column = np.asarray(np.clip(x, 0.0, self.width - 1e-9), dtype=np.float64)
+        row = np.asarray(np.clip(y, 0.0, self.height - 1e-9), dtype=np.float64)
         return column, row
 
     @property
@@ -118,7 +118,7 @@ class Mapping(ABC):
 
     def pixel_centres(self) -> tuple[Floats, Floats]:
         """Return x ``(1, width)`` and y ``(height, 1)`` of the pixel centres."""
-        return np.arange(self.width)[None, :] + 0.5, np.arange(self.height)[:, None] + 0.5
+        return np.arange(0.5, self.width)[None, :], np.arange(0.5, self.height)[:, None]
 
     def _is_in_picture(self, x: Floats, y: Floats) -> Bools:
         return (x >= 0) & (x <= self.width) & (y >= 0) & (y <= self.height)

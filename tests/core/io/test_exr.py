@@ -5,10 +5,12 @@ from __future__ import annotations
 import struct
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
 import pytest
+from numpy.typing import DTypeLike, NDArray
 
 from lightwell.errors import FrameError
 from lightwell.io.exr import COMPRESSIONS, MAX_PIXELS, read_rgb, write_rgb
@@ -22,13 +24,19 @@ def pixels() -> np.ndarray:
     return (rng.lognormal(size=(70, 96, 3))).astype(np.float16)
 
 
-def write_channels(path: Path, channels: dict, **header) -> None:
+def window_of(x: int, y: int, width: int, height: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    return np.array([x, y], np.int32), np.array([x + width - 1, y + height - 1], np.int32)
+
+
+def write_channels(path: Path, channels: dict[str, Any], **header: Any) -> None:
     OpenEXR.File(header, channels, num_threads=0).write(str(path))
 
 
 @pytest.mark.parametrize("compression", sorted(COMPRESSIONS))
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
-def test_round_trip_of_every_compression(tmp_path, pixels, compression, dtype):
+def test_round_trip_of_every_compression(
+    tmp_path: Path, pixels: NDArray[Any], compression: str, dtype: DTypeLike
+) -> None:
     path = tmp_path / "a.exr"
     write_rgb(path, pixels.astype(dtype), compression)
     picture = read_rgb(path)
@@ -43,7 +51,7 @@ def test_round_trip_of_every_compression(tmp_path, pixels, compression, dtype):
     assert [file.name for file in tmp_path.iterdir()] == ["a.exr"]
 
 
-def test_channels_in_any_order_and_of_any_type(tmp_path, pixels):
+def test_channels_in_any_order_and_of_any_type(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "a.exr"
     red, green, blue = (np.ascontiguousarray(pixels[..., channel]) for channel in range(3))
     write_channels(path, {"B": blue, "A": red, "R": red, "G": green})
@@ -59,7 +67,7 @@ def test_channels_in_any_order_and_of_any_type(tmp_path, pixels):
     assert np.array_equal(read_rgb(path).pixels[..., 1], counts.astype(np.float32))
 
 
-def test_alpha_is_ignored(tmp_path, pixels):
+def test_alpha_is_ignored(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "a.exr"
     write_channels(path, {"RGBA": np.dstack([pixels, pixels[..., :1]])})
     picture = read_rgb(path)
@@ -67,7 +75,7 @@ def test_alpha_is_ignored(tmp_path, pixels):
     assert picture.pixels.flags.c_contiguous
 
 
-def test_layers_and_luminance(tmp_path, pixels):
+def test_layers_and_luminance(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "a.exr"
     planes = {f"left.{name}": np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     write_channels(path, {"Z": pixels[..., 0].astype(np.float32), **planes})
@@ -77,7 +85,7 @@ def test_layers_and_luminance(tmp_path, pixels):
     assert np.array_equal(read_rgb(path).pixels, np.repeat(pixels[..., :1], 3, axis=2))
 
 
-def test_first_part_with_colour_counts(tmp_path, pixels):
+def test_first_part_with_colour_counts(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "a.exr"
     depth = OpenEXR.Part({"name": "depth"}, {"Z": pixels[..., 0].astype(np.float32)})
     beauty = OpenEXR.Part({"name": "beauty"}, {"RGB": pixels})
@@ -90,7 +98,7 @@ def test_first_part_with_colour_counts(tmp_path, pixels):
     assert np.array_equal(read_rgb(path).pixels, pixels), "damage in a part that is not read does not matter"
 
 
-def test_tiles(tmp_path, pixels):
+def test_tiles(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "a.exr"
     write_channels(path, {"RGB": pixels}, type=OpenEXR.tiledimage, tiles=OpenEXR.TileDescription())
     assert np.array_equal(read_rgb(path).pixels, pixels)
@@ -100,12 +108,13 @@ def test_tiles(tmp_path, pixels):
     ("origin", "display"),
     [((2, 3), (120, 90)), ((-5, -3), (40, 30)), ((-5, 20), (96, 70)), ((200, 0), (50, 40))],
 )
-def test_data_window_in_display_window(tmp_path, pixels, origin, display):
+def test_data_window_in_display_window(
+    tmp_path: Path, pixels: NDArray[Any], origin: tuple[int, int], display: tuple[int, int]
+) -> None:
     path = tmp_path / "a.exr"
     (x, y), (width, height) = origin, display
-    as_window = lambda x0, y0, w, h: (np.array([x0, y0], np.int32), np.array([x0 + w - 1, y0 + h - 1], np.int32))  # noqa: E731
     write_channels(
-        path, {"RGB": pixels}, dataWindow=as_window(x, y, 96, 70), displayWindow=as_window(0, 0, width, height)
+        path, {"RGB": pixels}, dataWindow=window_of(x, y, 96, 70), displayWindow=window_of(0, 0, width, height)
     )
     expected = np.zeros((height, width, 3), np.float16)
     for i in range(height):
@@ -117,7 +126,7 @@ def test_data_window_in_display_window(tmp_path, pixels, origin, display):
     assert picture.flags.c_contiguous
 
 
-def test_capture_time(tmp_path, pixels):
+def test_capture_time(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "a.exr"
     # 12:00:30 local time where one hour has to be added to get UTC.
     write_rgb(path, pixels, attributes={"capDate": "2026:11:22 12:00:30", "utcOffset": 3600.0})
@@ -130,7 +139,7 @@ def test_capture_time(tmp_path, pixels):
 
 @pytest.mark.parametrize("compression", sorted(COMPRESSIONS))
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.9, 0.9995])
-def test_truncated(tmp_path, pixels, compression, share):
+def test_truncated(tmp_path: Path, pixels: NDArray[Any], compression: str, share: float) -> None:
     path = tmp_path / "cut.exr"
     write_rgb(path, pixels, compression)
     data = path.read_bytes()
@@ -139,7 +148,7 @@ def test_truncated(tmp_path, pixels, compression, share):
         read_rgb(path)
 
 
-def test_not_a_picture(tmp_path):
+def test_not_a_picture(tmp_path: Path) -> None:
     def reason(name: str, content: bytes | None) -> str:
         path = tmp_path / name
         if content is not None:
@@ -159,14 +168,14 @@ def test_not_a_picture(tmp_path):
     assert reason("folder.exr", None) == "cannot be read: Is a directory"
 
 
-def test_no_colour(tmp_path, pixels):
+def test_no_colour(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "depth.exr"
     write_channels(path, {"Z": pixels[..., 0].astype(np.float32)})
     with pytest.raises(FrameError, match="no colour: its channels are Z"):
         read_rgb(path)
 
 
-def test_deep(tmp_path):
+def test_deep(tmp_path: Path) -> None:
     path = tmp_path / "deep.exr"
     deep = np.empty((4, 4), dtype=object)
     for index in np.ndindex(4, 4):
@@ -176,7 +185,7 @@ def test_deep(tmp_path):
         read_rgb(path)
 
 
-def test_subsampled(tmp_path, pixels):
+def test_subsampled(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "sub.exr"
     planes = {name: OpenEXR.Channel(np.ascontiguousarray(pixels[::2, ::2, 0]), 2, 2) for name in "RGB"}
     window = (np.array([0, 0], np.int32), np.array([95, 69], np.int32))
@@ -185,7 +194,7 @@ def test_subsampled(tmp_path, pixels):
         read_rgb(path)
 
 
-def test_absurd_size_is_refused_before_memory_is_taken(tmp_path, pixels):
+def test_absurd_size_is_refused_before_memory_is_taken(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "huge.exr"
     write_rgb(path, pixels)
     data = bytearray(path.read_bytes())
@@ -197,7 +206,7 @@ def test_absurd_size_is_refused_before_memory_is_taken(tmp_path, pixels):
         read_rgb(path)
 
 
-def test_write_refuses_what_would_be_lost(tmp_path, pixels):
+def test_write_refuses_what_would_be_lost(tmp_path: Path, pixels: NDArray[Any]) -> None:
     with pytest.raises(ValueError, match="65504"):
         write_rgb(tmp_path / "a.exr", np.full((2, 2, 3), np.inf, np.float16))
     with pytest.raises(ValueError, match="shape"):
@@ -211,7 +220,7 @@ def test_write_refuses_what_would_be_lost(tmp_path, pixels):
     assert read_rgb(tmp_path / "b.exr").pixels.max() == np.float32(1e6)
 
 
-def test_threads_read_side_by_side(tmp_path, pixels):
+def test_threads_read_side_by_side(tmp_path: Path, pixels: NDArray[Any]) -> None:
     path = tmp_path / "a.exr"
     write_rgb(path, pixels, "zip")
     results: list[bool] = []

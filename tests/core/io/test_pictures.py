@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from lightwell.io.exr import write_rgb
 from lightwell.io.pictures import read_picture
 
 
-def test_radiance_is_read_as_rgb(tmp_path):
+def test_radiance_is_read_as_rgb(tmp_path: Path) -> None:
     pixels = np.random.default_rng(1).lognormal(size=(20, 30, 3)).astype(np.float32)
     path = tmp_path / "a.hdr"
     cv2.imwrite(str(path), pixels[..., ::-1])
@@ -22,7 +24,7 @@ def test_radiance_is_read_as_rgb(tmp_path):
     assert picture.name == "a.hdr"
 
 
-def test_exr_under_another_name(tmp_path):
+def test_exr_under_another_name(tmp_path: Path) -> None:
     pixels = np.ones((4, 8, 3), np.float16)
     write_rgb(tmp_path / "a.exr", pixels)
     (tmp_path / "a.exr").rename(tmp_path / "a.frame")
@@ -42,7 +44,7 @@ def test_exr_under_another_name(tmp_path):
         ("e", None, "does not exist"),
     ],
 )
-def test_what_is_not_hdr(tmp_path, name, content, reason):
+def test_what_is_not_hdr(tmp_path: Path, name: str, content: bytes | None, reason: str) -> None:
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(FrameError, match=reason):

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import math
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import DTypeLike, NDArray
 from tests.support.reference_probe import MAPPINGS, area_means, latlong_means, mapping_of, real_map
 
 from lightwell.errors import MappingError
 from lightwell.probe.cube import Cube
 from lightwell.probe.downsample import Downsampler
 from lightwell.probe.latlong import LatLong
+from lightwell.probe.mapping import Mapping
 
 names = pytest.mark.parametrize("name", MAPPINGS)
 methods = pytest.mark.parametrize("method", ["area", "gaussian"])
 
 
-def energy(mapping, image):
-    return np.einsum("ij,ijc->c", mapping.solid_angles(), image.astype(np.float64))
+def energy(mapping: Mapping, image: NDArray[Any]) -> NDArray[Any]:
+    return np.asarray(np.einsum("ij,ijc->c", mapping.solid_angles(), image.astype(np.float64)))
 
 
-def picture(mapping, seed=0, dtype=np.float32):
+def picture(mapping: Mapping, seed: int = 0, dtype: DTypeLike = np.float32) -> NDArray[Any]:
     """Return random light with a sun, and something absurd where the probe is not seen."""
     rng = np.random.default_rng(seed)
     image = rng.lognormal(size=(mapping.height, mapping.width, 3))
@@ -36,7 +39,7 @@ def picture(mapping, seed=0, dtype=np.float32):
 
 @names
 @pytest.mark.parametrize("width", [1, 7, 18, 33, 64])
-def test_energy_is_kept(name, width):
+def test_energy_is_kept(name: str, width: int) -> None:
     mapping = mapping_of(name)
     image = picture(mapping)
     reduce = Downsampler(mapping, width)
@@ -48,7 +51,7 @@ def test_energy_is_kept(name, width):
 
 @names
 @methods
-def test_constant_stays_constant(name, method):
+def test_constant_stays_constant(name: str, method: Literal["area", "gaussian"]) -> None:
     mapping = mapping_of(name)
     image = np.full((mapping.height, mapping.width, 3), 2.5, np.float16)
     image[~mapping.coverage()] = 1000
@@ -61,7 +64,7 @@ def test_constant_stays_constant(name, method):
 
 @settings(max_examples=12, deadline=None)
 @given(height=st.integers(2, 14), width=st.integers(2, 17), target=st.integers(1, 16), half=st.booleans())
-def test_latlong_equals_the_slow_reference(height, width, target, half):
+def test_latlong_equals_the_slow_reference(height: int, width: int, target: int, half: bool) -> None:
     mapping = LatLong(height, width)
     image = picture(mapping, dtype=np.float16 if half else np.float32)
     reduce = Downsampler(mapping, target)
@@ -72,7 +75,7 @@ def test_latlong_equals_the_slow_reference(height, width, target, half):
 
 
 @pytest.mark.parametrize("ratio", [2, 3, 4])
-def test_latlong_whole_ratios_equal_the_slow_reference(ratio):
+def test_latlong_whole_ratios_equal_the_slow_reference(ratio: int) -> None:
     mapping = LatLong(12, 24)
     image = picture(mapping)
     expected = area_means(image, mapping.solid_angles(), 12 // ratio, 24 // ratio)
@@ -80,7 +83,7 @@ def test_latlong_whole_ratios_equal_the_slow_reference(ratio):
 
 
 @pytest.mark.parametrize("name", ["octahedral", "vertical cross", "mirror ball"])
-def test_other_mappings_equal_the_slow_reference(name):
+def test_other_mappings_equal_the_slow_reference(name: str) -> None:
     mapping = mapping_of(name)
     image = picture(mapping)
     reduce = Downsampler(mapping, 9)
@@ -94,7 +97,7 @@ def test_other_mappings_equal_the_slow_reference(name):
     assert reduce(image) == pytest.approx(expected, rel=1e-5)
 
 
-def test_sun_near_the_pole_keeps_its_energy():
+def test_sun_near_the_pole_keeps_its_energy() -> None:
     """MATHS §2.1: ×16 reduction with the sun at row 20 of 816; unweighted means would gain 17 %."""
     mapping = LatLong(816, 1632)
     image = np.full((816, 1632, 3), 0.2, np.float32)
@@ -112,7 +115,7 @@ def test_sun_near_the_pole_keeps_its_energy():
 
 
 @pytest.mark.parametrize("width", [512, 600])
-def test_a_width_of_at_least_the_pictures_own_is_the_identity(width):
+def test_a_width_of_at_least_the_pictures_own_is_the_identity(width: int) -> None:
     image = real_map("venice")
     mapping = LatLong(256, 512)
     reduce = Downsampler(mapping, width)
@@ -120,19 +123,19 @@ def test_a_width_of_at_least_the_pictures_own_is_the_identity(width):
     assert reduce.mapping is mapping
 
 
-def test_cube_faces_stay_whole_pixels():
+def test_cube_faces_stay_whole_pixels() -> None:
     reduce = Downsampler(Cube(96, 128), 50)
     assert (reduce.mapping.height, reduce.mapping.width) == (36, 48)
 
 
-def test_half_and_float_agree():
+def test_half_and_float_agree() -> None:
     image = real_map("forest")
     reduce = Downsampler(LatLong(256, 512), 100)
     assert np.array_equal(reduce(image), reduce(image.astype(np.float32)))
 
 
 @pytest.mark.parametrize("name", ["sphere", "latlong", "octahedral"])
-def test_reducing_twice(name):
+def test_reducing_twice(name: str) -> None:
     mapping = mapping_of(name)
     image = picture(mapping)
     once = Downsampler(mapping, 40)
@@ -140,7 +143,7 @@ def test_reducing_twice(name):
     assert energy(twice.mapping, twice(once(image))) == pytest.approx(energy(mapping, image), rel=3e-6)
 
 
-def test_what_cannot_be_reduced():
+def test_what_cannot_be_reduced() -> None:
     with pytest.raises(MappingError, match="width of 0 pixels"):
         Downsampler(LatLong(8, 16), 0)
     with pytest.raises(MappingError, match=r"shape \(8, 8, 3\)"):

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from tests.support.reference_probe import MAPPINGS, mapping_of, random_directions
 
 from lightwell.errors import MappingError
 from lightwell.probe.cube import Cube
 from lightwell.probe.factory import make_mapping
+from lightwell.probe.mapping import Mapping
 from lightwell.probe.octahedral import Octahedral
 from lightwell.settings import MappingSettings
 
 names = pytest.mark.parametrize("name", MAPPINGS)
 
 
-def cone_angle(mapping, directions):
+def cone_angle(mapping: Mapping, directions: NDArray[Any]) -> NDArray[Any]:
     """Return the angle of directions from the blind cone's axis; π where there is no cone."""
     if mapping.blind_axis is None:
         return np.full(len(directions), math.pi)
@@ -27,7 +30,7 @@ def cone_angle(mapping, directions):
 
 
 @names
-def test_direction_to_pixel_and_back(name):
+def test_direction_to_pixel_and_back(name: str) -> None:
     mapping = mapping_of(name)
     directions = random_directions(4000)
     x, y, seen = mapping.pixels(directions)
@@ -43,7 +46,7 @@ def test_direction_to_pixel_and_back(name):
 
 
 @names
-def test_pixel_to_direction_and_back(name):
+def test_pixel_to_direction_and_back(name: str) -> None:
     mapping = mapping_of(name)
     rng = np.random.default_rng(1)
     x, y = rng.uniform(0, mapping.width, 3000), rng.uniform(0, mapping.height, 3000)
@@ -65,7 +68,7 @@ SEAMS = np.array(
 
 
 @names
-def test_seams(name):
+def test_seams(name: str) -> None:
     mapping = mapping_of(name)
     world_from_camera = getattr(mapping, "world_from_camera", np.eye(3))
     for directions in (SEAMS, SEAMS @ world_from_camera.T):
@@ -79,7 +82,7 @@ def test_seams(name):
 
 
 @names
-def test_density_is_the_area_of_a_small_square_on_the_sphere(name):
+def test_density_is_the_area_of_a_small_square_on_the_sphere(name: str) -> None:
     mapping = mapping_of(name)
     rng = np.random.default_rng(2)
     row0, row1, col0, col1 = mapping.region
@@ -99,7 +102,7 @@ def test_density_is_the_area_of_a_small_square_on_the_sphere(name):
 
 
 @names
-def test_solid_angles_make_up_what_the_probe_sees(name):
+def test_solid_angles_make_up_what_the_probe_sees(name: str) -> None:
     mapping = mapping_of(name)
     table = mapping.solid_angles()
     assert table.shape == (mapping.height, mapping.width)
@@ -109,7 +112,7 @@ def test_solid_angles_make_up_what_the_probe_sees(name):
 
 
 @names
-def test_footprints_sum_to_the_solid_angles(name):
+def test_footprints_sum_to_the_solid_angles(name: str) -> None:
     mapping = mapping_of(name)
     total = np.zeros(mapping.height * mapping.width)
     for pixel, direction, solid_angle in mapping.footprints():
@@ -121,7 +124,7 @@ def test_footprints_sum_to_the_solid_angles(name):
 
 
 @names
-def test_region_holds_every_pixel_that_is_read(name):
+def test_region_holds_every_pixel_that_is_read(name: str) -> None:
     mapping = mapping_of(name)
     row0, row1, col0, col1 = mapping.region
     table = mapping.solid_angles()
@@ -133,7 +136,7 @@ def test_region_holds_every_pixel_that_is_read(name):
 
 
 @names
-def test_nearest_covered(name):
+def test_nearest_covered(name: str) -> None:
     mapping = mapping_of(name)
     rng = np.random.default_rng(3)
     x, y = rng.uniform(0, mapping.width, 500), rng.uniform(0, mapping.height, 500)
@@ -146,7 +149,7 @@ def test_nearest_covered(name):
     assert np.hypot(near_x - x[seen], near_y - y[seen]).max() < 2.5
 
 
-def camera_mapping(kind, **options):
+def camera_mapping(kind: str, **options: Any) -> Mapping:
     return make_mapping(MappingSettings(kind=kind, **options), 100, 100)
 
 
@@ -159,7 +162,7 @@ def camera_mapping(kind, **options):
         ("fisheye", {"fov_degrees": 190}, 1),
     ],
 )
-def test_orientation_of_camera_pictures(kind, options, centre):
+def test_orientation_of_camera_pictures(kind: str, options: dict[str, Any], centre: int) -> None:
     """The centre looks forward (or back at the camera), right and top are right and up: nothing is mirrored."""
     forward, up = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     right = np.array([1.0, 0.0, 0.0])
@@ -172,7 +175,7 @@ def test_orientation_of_camera_pictures(kind, options, centre):
         assert abs(direction @ np.cross(towards, forward)) < 1e-12
 
 
-def test_orientation_of_latlong_octahedral_and_cube():
+def test_orientation_of_latlong_octahedral_and_cube() -> None:
     latlong = make_mapping(MappingSettings(), 90, 180)
     assert latlong.directions(0, 0)[0] == pytest.approx([0, 0, 1], abs=1e-12)
     assert latlong.directions(45, 45)[0] == pytest.approx([0, 1, 0], abs=1e-12)
@@ -190,7 +193,7 @@ def test_orientation_of_latlong_octahedral_and_cube():
 
 
 @pytest.mark.parametrize("shape", [(30, 40), (40, 30)])
-def test_crosses_are_seamless(shape):
+def test_crosses_are_seamless(shape: tuple[int, int]) -> None:
     """Walking over the fold between neighbouring faces of a cross, the direction does not jump."""
     cube = Cube(*shape)
     for x, y in ((10, 15), (20, 15), (15, 10), (15, 20), *(((30, 15),) if shape == (30, 40) else ((15, 30),))):
@@ -200,7 +203,7 @@ def test_crosses_are_seamless(shape):
     assert cube.coverage().sum() == 600
 
 
-def test_exact_solid_angles():
+def test_exact_solid_angles() -> None:
     latlong = make_mapping(MappingSettings(), 32, 64).solid_angles()
     assert latlong.sum() == pytest.approx(4 * math.pi, rel=1e-15)
     cube = Cube(250, 1500).solid_angles()
@@ -232,12 +235,12 @@ def test_exact_solid_angles():
         ({"kind": "latlong"}, 0, 100, "no pixels"),
     ],
 )
-def test_what_cannot_be_a_mapping(settings_of, height, width, message):
+def test_what_cannot_be_a_mapping(settings_of: dict[str, Any], height: int, width: int, message: str) -> None:
     with pytest.raises(MappingError, match=message):
         make_mapping(MappingSettings.model_validate(settings_of), height, width)
 
 
-def test_keys_tell_mappings_apart():
+def test_keys_tell_mappings_apart() -> None:
     keys = {mapping_of(name).key for name in MAPPINGS}
     assert len(keys) == len(MAPPINGS)
     assert all(mapping_of(name).key in keys for name in MAPPINGS)
@@ -249,7 +252,7 @@ def test_keys_tell_mappings_apart():
     height=st.floats(-1, 1),
     name=st.sampled_from(sorted(MAPPINGS)),
 )
-def test_round_trip_of_any_direction(azimuth, height, name):
+def test_round_trip_of_any_direction(azimuth: float, height: float, name: str) -> None:
     mapping = mapping_of(name)
     across = math.sqrt(1 - height * height)
     direction = np.array([across * math.cos(azimuth), across * math.sin(azimuth), height])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,20 +19,20 @@ from lightwell.settings import MappingSettings
 RATIOS = [0.02, 0.0366, 0.04, 0.0732, 0.4]
 
 
-def jacobian(mapping, psi):
+def jacobian(mapping: Any, psi: Any) -> Any:
     """Return dΩ_reflected/dΩ_pixel at the angle ψ from the axis of a centred sphere, from the mapping's density."""
     c = mapping.view.principal_distance
     density = mapping.density(mapping.width / 2 + c * np.tan(psi), np.full(np.shape(psi), mapping.height / 2))
     return density * c * c / np.cos(psi) ** 3
 
 
-def centred(ratio, size=500):
+def centred(ratio: float, size: int = 500) -> Any:
     view = solve_view(size, size, None, ratio, 1.0, (size / 2, size / 2, size / 2))
     return MirrorSphere(size, size, view)
 
 
 @pytest.mark.parametrize("k", RATIOS)
-def test_jacobian(k):
+def test_jacobian(k: float) -> None:
     mapping = centred(k)
     incidence = np.radians(np.linspace(0.5, 88.9, 60))
     psi = np.arcsin(k * np.sin(incidence))
@@ -52,16 +53,16 @@ def test_jacobian(k):
     assert jacobian(mapping, np.array([1e-9])) == pytest.approx((2 / k - 1) ** 2, rel=1e-9)
 
 
-def pixel_at(mapping, psi):
+def pixel_at(mapping: Any, psi: Any) -> tuple[Any, Any]:
     return mapping.width / 2 + mapping.view.principal_distance * np.tan(psi), np.full(np.shape(psi), mapping.height / 2)
 
 
 @pytest.mark.parametrize("k", RATIOS)
-def test_jacobian_integrates_to_what_the_sphere_shows(k):
+def test_jacobian_integrates_to_what_the_sphere_shows(k: float) -> None:
     mapping = centred(k)
     rim = math.asin(k)
 
-    def integrand(incidence):
+    def integrand(incidence: float) -> float:
         psi = math.asin(k * math.sin(incidence))
         dpsi = k * math.cos(incidence) / math.cos(psi)
         return float(jacobian(mapping, np.array([psi]))[0]) * 2 * math.pi * math.sin(psi) * dpsi
@@ -73,7 +74,7 @@ def test_jacobian_integrates_to_what_the_sphere_shows(k):
 
 
 @pytest.mark.parametrize("k", RATIOS)
-def test_newton_inverts_the_reflection(k):
+def test_newton_inverts_the_reflection(k: float) -> None:
     mapping = centred(k)
     incidence = np.radians(np.linspace(0, 89.99, 500))
     psi = np.arcsin(k * np.sin(incidence))
@@ -87,7 +88,7 @@ def test_newton_inverts_the_reflection(k):
     assert np.hypot(back_x - x, back_y - y).max() < 1e-7
 
 
-def test_reflected_ray_passes_through_a_known_point():
+def test_reflected_ray_passes_through_a_known_point() -> None:
     """A light at a known place appears where the law of reflection says, to machine precision."""
     radius, distance = 0.05, 1.25
     mapping = centred(radius / distance)
@@ -112,7 +113,7 @@ def test_reflected_ray_passes_through_a_known_point():
     assert miss == pytest.approx(radius * sin_incidence, abs=1e-12)
 
 
-def test_far_sphere_becomes_the_orthographic_ball():
+def test_far_sphere_becomes_the_orthographic_ball() -> None:
     ball = MirrorBall(200, 200)
     rng = np.random.default_rng(5)
     x, y = rng.uniform(40, 160, 300), rng.uniform(40, 160, 300)
@@ -122,7 +123,7 @@ def test_far_sphere_becomes_the_orthographic_ball():
     assert errors[2] < 2e-4
 
 
-def test_numbers_of_the_papers():
+def test_numbers_of_the_papers() -> None:
     assert math.degrees(math.asin(91.5 / 1250)) == pytest.approx(4.2, abs=0.01)
     assert math.degrees(math.asin(45.8 / 1250)) == pytest.approx(2.1, abs=0.01)
     c = 100 * 1250 / (1250 - 100)
@@ -138,7 +139,7 @@ def test_numbers_of_the_papers():
         (0.0732, 0.0, 0.934), (0.0732, 0.99, 1.24),
     ],
 )  # fmt: skip
-def test_weight_is_not_constant(k, rho, expected):
+def test_weight_is_not_constant(k: float, rho: float, expected: float) -> None:
     """Weight over mean weight on the disc: 4π/N is only the limit of a camera infinitely far away."""
     mapping = centred(k)
     density = float(mapping.density(250 + 250 * rho + 1e-6, 250.0))
@@ -147,7 +148,7 @@ def test_weight_is_not_constant(k, rho, expected):
 
 
 @pytest.mark.parametrize("forward", [(0, 0, -1), (1, 2, 0.5)])
-def test_blind_cone_lies_behind_the_sphere(forward):
+def test_blind_cone_lies_behind_the_sphere(forward: tuple[float, float, float]) -> None:
     settings = MappingSettings(
         kind="mirror-sphere", sphere_radius_m=0.1, sphere_distance_m=1, fov_degrees=20, forward=forward, up=(0, 1, 0.3)
     )
@@ -162,7 +163,7 @@ def test_blind_cone_lies_behind_the_sphere(forward):
 
 @pytest.mark.parametrize("offset", [(0, 0), (400, -300)])
 @pytest.mark.parametrize("k", [0.0366, 0.3])
-def test_two_inputs_give_the_third(k, offset):
+def test_two_inputs_give_the_third(k: float, offset: tuple[int, int]) -> None:
     width, height, fov = 2400, 1700, 50.0
     # Put the disc where the outline of such a sphere really is, from all three inputs.
     start = solve_view(height, width, fov, k, 1.0, None)
@@ -188,7 +189,7 @@ def test_two_inputs_give_the_third(k, offset):
         assert view.axis == pytest.approx(whole.axis, abs=1e-9)
 
 
-def test_outline_of_an_off_axis_sphere():
+def test_outline_of_an_off_axis_sphere() -> None:
     """The traced silhouette has the centre and the area that `outline` says."""
     view = solve_view(1000, 1000, 60.0, 0.3, 1.0, (700.0, 400.0, 290.0))
     mapping = MirrorSphere(1000, 1000, view)
@@ -201,7 +202,7 @@ def test_outline_of_an_off_axis_sphere():
     assert math.sqrt(seen.sum() / math.pi) == pytest.approx(shape.radius, rel=1e-3)
 
 
-def test_contradiction_is_named():
+def test_contradiction_is_named() -> None:
     with pytest.raises(MappingError, match=r"radius of 74\.\d pixels.*--disc says 50\.0"):
         solve_view(1000, 1000, 37.0, 0.05, 1.0, (500.0, 500.0, 50.0))
     solve_view(1000, 1000, 37.0, 0.05, 1.0, (500.0, 500.0, 73.0))
@@ -218,17 +219,17 @@ def test_contradiction_is_named():
         ((40.0, None, None, (50.0, 50.0, -4.0)), "radius must be positive"),
     ],
 )
-def test_missing_and_impossible_inputs(given, message):
+def test_missing_and_impossible_inputs(given: tuple[Any, ...], message: str) -> None:
     with pytest.raises(MappingError, match=message):
         solve_view(100, 100, *given)
 
 
-def test_impossible_ratio_is_refused():
+def test_impossible_ratio_is_refused() -> None:
     with pytest.raises(MappingError, match="smaller than"):
         MirrorSphere(100, 100, SphereView(1.5, 100.0))
 
 
-def test_rim_pixels_span_large_angles():
+def test_rim_pixels_span_large_angles() -> None:
     """At 250 pixels the last ring spans about 14°: the cone without covered pixels is larger than asin k (MATHS §3)."""
     mapping = centred(0.0366, 250)
     y, x = np.nonzero(mapping.coverage())

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from tests.support.reference_probe import HDRI, MAP_NAMES, ROOT_4PI, project_latlong, real_map, relative_error
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from lightwell.errors import FrameError, MappingError
 from lightwell.io.exr import write_rgb
@@ -21,18 +23,19 @@ from lightwell.sh.engines import convert
 from lightwell_server.cli import app
 
 
-def run(*arguments: object):
+def run(*arguments: object) -> Result:
     return CliRunner().invoke(app, ["project", *map(str, arguments)])
 
 
-def document(*arguments: object) -> dict:
+def document(*arguments: object) -> dict[str, Any]:
     result = run(*arguments, "--json")
     assert result.exit_code == 0, result.output
-    return json.loads(result.stdout)
+    answer: dict[str, Any] = json.loads(result.stdout)
+    return answer
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)
-def test_every_real_map(name):
+def test_every_real_map(name: str) -> None:
     answer = document(HDRI / f"{name}.exr", "--mapping", "latlong", "--bands", 5)
     assert {key: answer[key] for key in answer if key != "coefficients"} == {
         "bands": 5,
@@ -56,7 +59,7 @@ MAPPING_ARGUMENTS = [
 
 @pytest.mark.parametrize(("mapping", "arguments"), MAPPING_ARGUMENTS)
 @pytest.mark.parametrize("resolution", [0, 40])
-def test_constant_picture_in_every_mapping(tmp_path, mapping, arguments, resolution):
+def test_constant_picture_in_every_mapping(tmp_path: Path, mapping: str, arguments: list[str], resolution: int) -> None:
     height, width = (96, 128) if mapping == "cube" else (96, 96)
     write_rgb(tmp_path / "one.exr", np.ones((height, width, 3), np.float16))
     answer = document(tmp_path / "one.exr", "--mapping", mapping, *arguments, "--resolution", resolution)
@@ -65,7 +68,7 @@ def test_constant_picture_in_every_mapping(tmp_path, mapping, arguments, resolut
     assert np.array(answer["coefficients"]) == pytest.approx(expected, abs=1e-6 * ROOT_4PI)
 
 
-def test_camera_axes_turn_the_light(tmp_path):
+def test_camera_axes_turn_the_light(tmp_path: Path) -> None:
     axes = {"forward": (0.0, 1.0, 0.0), "up": (0.0, 0.0, 1.0)}
     mapping = make_mapping(MappingSettings(kind="angular", **axes), 128, 128)
     write_rgb(tmp_path / "a.exr", resample(real_map("venice"), LatLong(256, 512), mapping, 4))
@@ -73,7 +76,7 @@ def test_camera_axes_turn_the_light(tmp_path):
     assert relative_error(np.array(answer["coefficients"]), project_latlong(real_map("venice"), 5)) < 0.005
 
 
-def test_convention_window_and_bands():
+def test_convention_window_and_bands() -> None:
     path = HDRI / "hall.exr"
     plain = np.array(document(path, "--bands", 3)["coefficients"])
     three = document(path, "--bands", 3, "--convention", "three")
@@ -85,7 +88,7 @@ def test_convention_window_and_bands():
     assert np.array(windowed["coefficients"]) == pytest.approx(plain * factor)
 
 
-def test_weights_and_resolution():
+def test_weights_and_resolution() -> None:
     path = HDRI / "forest.exr"
     solid, paper = (np.array(document(path, "--weights", kind)["coefficients"]) for kind in ("solid-angle", "paper"))
     assert paper[0] / solid[0] == pytest.approx(np.full(3, 1 + np.pi**2 / (24 * 256**2)), rel=1e-8)
@@ -94,7 +97,7 @@ def test_weights_and_resolution():
     assert relative_error(small, solid) < 2e-3
 
 
-def test_table_for_people(tmp_path):
+def test_table_for_people(tmp_path: Path) -> None:
     image = np.full((16, 32, 3), 2.0, np.float32)
     image[3, 4, 0], image[5, 5, 1], image[6, 6, 2] = np.nan, np.inf, -1
     write_rgb(tmp_path / "a.exr", image)
@@ -128,18 +131,18 @@ def test_table_for_people(tmp_path):
         (["--mapping", "octahedral", "--weights", "fejer"], MappingError, "square"),
     ],
 )
-def test_errors_name_the_option(arguments, error, message):
+def test_errors_name_the_option(arguments: list[str], error: type[Exception], message: str) -> None:
     result = run(HDRI / "hall.exr", *arguments)
     assert isinstance(result.exception, error)
     assert message in str(result.exception)
 
 
-def test_unreadable_pictures(tmp_path):
+def test_unreadable_pictures(tmp_path: Path) -> None:
     for name in ("missing.exr", "a.png"):
         assert isinstance(run(tmp_path / name).exception, FrameError)
 
 
-def test_one_line_and_exit_status_1(tmp_path):
+def test_one_line_and_exit_status_1(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "lightwell_server.cli", "project", str(tmp_path / "no.exr")]
     finished = subprocess.run(command, capture_output=True, text=True, check=False)
     assert finished.returncode == 1

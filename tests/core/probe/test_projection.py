@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import DTypeLike, NDArray
 from tests.support.reference_probe import (
     MAP_NAMES,
     MAPPINGS,
@@ -29,6 +31,7 @@ from lightwell.probe.factory import make_mapping
 from lightwell.probe.fourier import FourierProjection
 from lightwell.probe.half import sample_rows
 from lightwell.probe.latlong import LatLong
+from lightwell.probe.mapping import Mapping
 from lightwell.probe.matrix import projection_matrix
 from lightwell.probe.projection import Projector, projector
 from lightwell.probe.unwrap import resample
@@ -38,12 +41,12 @@ names = pytest.mark.parametrize("name", MAPPINGS)
 maps = pytest.mark.parametrize("map_name", MAP_NAMES)
 
 
-def light(mapping, dtype=np.float16, seed=0):
+def light(mapping: Mapping, dtype: DTypeLike = np.float16, seed: int = 0) -> NDArray[Any]:
     return np.random.default_rng(seed).lognormal(size=(mapping.height, mapping.width, 3)).astype(dtype)
 
 
 @maps
-def test_real_latlong_maps_against_an_independent_sum(map_name):
+def test_real_latlong_maps_against_an_independent_sum(map_name: str) -> None:
     image = real_map(map_name)
     mapping = LatLong(256, 512)
     reference = project_latlong(image, 5)
@@ -63,10 +66,13 @@ DISCRETISATION = {"octahedral": 2e-3, "cube": 2e-3, "mirror-ball": 2e-2, "angula
 
 @maps
 @pytest.mark.parametrize("kind", [*DISCRETISATION, "mirror-sphere"])
-def test_real_maps_through_every_mapping(map_name, kind):
-    options = {"fisheye": {"fov_degrees": 360}, "mirror-sphere": {"sphere_radius_m": 0.0458, "sphere_distance_m": 1.25}}
+def test_real_maps_through_every_mapping(map_name: str, kind: str) -> None:
+    options: dict[str, Any] = {
+        "fisheye": {"fov_degrees": 360},
+        "mirror-sphere": {"sphere_radius_m": 0.0458, "sphere_distance_m": 1.25},
+    }
     height, width = (96, 128) if kind == "cube" else (128, 128)
-    disc = {"disc": (64, 64, 64)} if kind == "mirror-sphere" else {}
+    disc: dict[str, Any] = {"disc": (64, 64, 64)} if kind == "mirror-sphere" else {}
     mapping = make_mapping(MappingSettings(kind=kind, **options.get(kind, {}), **disc), height, width)
     image = resample(real_map(map_name), LatLong(256, 512), mapping, 2)
     value = Projector(mapping, 5).project(image)
@@ -77,9 +83,9 @@ def test_real_maps_through_every_mapping(map_name, kind):
 @names
 @pytest.mark.parametrize("bands", [1, 3, 5])
 @pytest.mark.parametrize("width", [None, 23])
-def test_constant_light(name, bands, width):
+def test_constant_light(name: str, bands: int, width: int | None) -> None:
     mapping = mapping_of(name)
-    image = np.ones((mapping.height, mapping.width, 3), np.float16)
+    image: Any = np.ones((mapping.height, mapping.width, 3), np.float16)
     if width:
         reduce = Downsampler(mapping, width)
         image, mapping = reduce(image), reduce.mapping
@@ -91,7 +97,7 @@ def test_constant_light(name, bands, width):
 
 
 @names
-def test_background_is_never_read(name):
+def test_background_is_never_read(name: str) -> None:
     mapping = mapping_of(name)
     image = light(mapping)
     other = np.where(mapping.coverage()[..., None], image, np.float16(6e4))
@@ -102,7 +108,7 @@ def test_background_is_never_read(name):
 
 @pytest.mark.parametrize("fov", [180.0, 270.0])
 @pytest.mark.parametrize("lens", ["equidistant", "equisolid"])
-def test_dark_cone_loses_what_its_closed_form_says(fov, lens):
+def test_dark_cone_loses_what_its_closed_form_says(fov: float, lens: str) -> None:
     """A dark cone takes ``√(π/(2l+1)) (P_{l−1}(cosδ) − P_{l+1}(cosδ))`` from c_l0 of a constant probe (MATHS §2.3)."""
     settings_of = MappingSettings(kind="fisheye", fov_degrees=fov, fisheye=lens, forward=(0, 0, -1), up=(0, 1, 0))
     mapping = make_mapping(settings_of, 200, 200)
@@ -110,7 +116,7 @@ def test_dark_cone_loses_what_its_closed_form_says(fov, lens):
 
 
 @pytest.mark.parametrize("k", [0.0366, 0.0732, 0.3])
-def test_dark_cone_of_the_mirror_sphere(k):
+def test_dark_cone_of_the_mirror_sphere(k: float) -> None:
     mapping = make_mapping(
         MappingSettings(
             kind="mirror-sphere", sphere_radius_m=k, sphere_distance_m=1, disc=(125, 125, 125), forward=(0, 0, 1)
@@ -122,7 +128,7 @@ def test_dark_cone_of_the_mirror_sphere(k):
     check_dark_cone(mapping, tolerance=4e-4)
 
 
-def check_dark_cone(mapping, tolerance):
+def check_dark_cone(mapping: Any, tolerance: float) -> None:
     ones = np.ones((mapping.height, mapping.width, 3), np.float32)
     value = Projector(mapping, 5, blind="zero").project(ones)[:, 0]
     cosine, side = math.cos(mapping.blind_half_angle), float(mapping.blind_axis[2])
@@ -135,7 +141,7 @@ def check_dark_cone(mapping, tolerance):
     assert value[0] == pytest.approx((1 + cosine) / 2 * ROOT_4PI, rel=1e-6), "weights sum to 2π(1 + cos δ)"
 
 
-def test_loss_of_the_papers_dead_angles():
+def test_loss_of_the_papers_dead_angles() -> None:
     """MATHS §2.3: losses relative to c00 for half-angles of 4.2° and 2.1°."""
     for degrees, expected in ((4.2, (0.00134, 0.00232, 0.00299, 0.00352, 0.00397)), (2.1, (0.00034, 0.00058, 0.00075))):
         cosine = math.cos(math.radians(degrees))
@@ -147,7 +153,7 @@ def test_loss_of_the_papers_dead_angles():
 
 
 @names
-def test_one_hot_pixel(name):
+def test_one_hot_pixel(name: str) -> None:
     """A pixel of radiance L gives L ΔΩ Y(ω), up to the extent of its footprint."""
     mapping = mapping_of(name)
     rows, cols = np.nonzero(mapping.coverage())
@@ -163,7 +169,7 @@ def test_one_hot_pixel(name):
     assert value[0] / image[row, col] == pytest.approx(expected[0], rel=1e-6)
 
 
-def test_band_limited_light_is_recovered_exactly_by_fejer():
+def test_band_limited_light_is_recovered_exactly_by_fejer() -> None:
     mapping = LatLong(32, 64)
     directions, _ = mapping.directions(*mapping.pixel_centres())
     for index in range(25):
@@ -172,7 +178,7 @@ def test_band_limited_light_is_recovered_exactly_by_fejer():
         assert value == pytest.approx(np.eye(25)[:, [index] * 3], abs=3e-7)
 
 
-def test_paper_weights_over_count():
+def test_paper_weights_over_count() -> None:
     mapping = LatLong(50, 100)
     value = Projector(mapping, 5, "paper").project(np.ones((50, 100, 3), np.float32))
     assert value[0, 0] / ROOT_4PI - 1 == pytest.approx(math.pi**2 / (24 * 50**2), rel=2e-3)
@@ -186,7 +192,7 @@ def test_paper_weights_over_count():
     weights=st.sampled_from(["solid-angle", "paper", "fejer"]),
     half=st.booleans(),
 )
-def test_fourier_sums_equal_the_matrix(height, width, bands, weights, half):
+def test_fourier_sums_equal_the_matrix(height: int, width: int, bands: int, weights: Any, half: bool) -> None:
     mapping = LatLong(height, width)
     image = light(mapping, np.float16 if half else np.float32)
     reference = projection_matrix(mapping, bands, weights, "fill").T @ image.reshape(-1, 3).astype(np.float64)
@@ -197,7 +203,7 @@ def test_fourier_sums_equal_the_matrix(height, width, bands, weights, half):
 
 @names
 @pytest.mark.parametrize("bands", [1, 5, 8])
-def test_direct_sums_equal_a_slow_sum_over_their_table(name, bands):
+def test_direct_sums_equal_a_slow_sum_over_their_table(name: str, bands: int) -> None:
     mapping = mapping_of(name)
     image = light(mapping)
     direct = DirectProjection(mapping, bands, "zero")
@@ -212,7 +218,7 @@ def test_direct_sums_equal_a_slow_sum_over_their_table(name, bands):
 
 
 @pytest.mark.parametrize("name", ["octahedral", "horizontal cross", "angular"])
-def test_large_pictures_need_no_matrix_and_agree_with_it(name, monkeypatch):
+def test_large_pictures_need_no_matrix_and_agree_with_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     mapping = mapping_of(name)
     image = light(mapping)
     small = Projector(mapping, 5)
@@ -224,7 +230,7 @@ def test_large_pictures_need_no_matrix_and_agree_with_it(name, monkeypatch):
     assert large.project(ones)[0] == pytest.approx(ROOT_4PI, rel=1e-6)
 
 
-def test_full_resolution_sun_does_not_drown_in_rounding():
+def test_full_resolution_sun_does_not_drown_in_rounding() -> None:
     """1.3 Mpx with a sun: a running float32 sum is 0.7 % off (MATHS §2.1)."""
     mapping = LatLong(814, 1628)
     image = np.random.default_rng(1).lognormal(size=(814, 1628, 3)).astype(np.float32)
@@ -233,7 +239,7 @@ def test_full_resolution_sun_does_not_drown_in_rounding():
     assert relative_error(Projector(mapping, 3).project(image), reference) < 1e-6
 
 
-def test_weights_and_bands_are_checked():
+def test_weights_and_bands_are_checked() -> None:
     with pytest.raises(MappingError, match="lat-long rows, not for --mapping cube"):
         Projector(mapping_of("row strip"), 5, "paper")
     with pytest.raises(ValueError, match="12 bands"):
@@ -242,7 +248,7 @@ def test_weights_and_bands_are_checked():
         Projector(LatLong(4, 8), 2).project(np.zeros((4, 9, 3), np.float32))
 
 
-def test_projectors_are_kept_and_the_oldest_go(monkeypatch):
+def test_projectors_are_kept_and_the_oldest_go(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(projection, "_cache", projection._Cache())
     one = projector(LatLong(16, 32), 3)
     assert projector(LatLong(16, 32), 3) is one

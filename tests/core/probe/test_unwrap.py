@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from tests.support.reference_probe import MAPPINGS, mapping_of
 
 from lightwell.probe.latlong import LatLong
@@ -12,13 +15,13 @@ from lightwell.probe.unwrap import Unwrapper, resample
 names = pytest.mark.parametrize("name", MAPPINGS)
 
 
-def smooth(directions):
+def smooth(directions: NDArray[Any]) -> NDArray[Any]:
     """Return light that changes slowly over the sphere, one channel an axis."""
     return (1 + 0.5 * directions).astype(np.float32)
 
 
 @names
-def test_smooth_light_survives_unwrapping(name):
+def test_smooth_light_survives_unwrapping(name: str) -> None:
     mapping = mapping_of(name)
     directions, _seen = mapping.directions(*mapping.pixel_centres())
     image = smooth(directions)
@@ -38,7 +41,7 @@ def test_smooth_light_survives_unwrapping(name):
 
 
 @names
-def test_constant_is_constant(name):
+def test_constant_is_constant(name: str) -> None:
     mapping = mapping_of(name)
     image = np.full((mapping.height, mapping.width, 3), 3, np.float16)
     image[~mapping.coverage()] = 999
@@ -46,7 +49,7 @@ def test_constant_is_constant(name):
 
 
 @names
-def test_resample_into_every_mapping(name):
+def test_resample_into_every_mapping(name: str) -> None:
     source = LatLong(64, 128)
     image = smooth(source.directions(*source.pixel_centres())[0])
     mapping = mapping_of(name)
@@ -61,7 +64,7 @@ def test_resample_into_every_mapping(name):
     assert corner or not picture[0, 0].any(), "outside the probe the picture is black"
 
 
-def test_half_and_float_agree():
+def test_half_and_float_agree() -> None:
     mapping = mapping_of("sphere")
     image = np.random.default_rng(0).lognormal(size=(100, 100, 3)).astype(np.float16)
     unwrap = Unwrapper(mapping, 64)

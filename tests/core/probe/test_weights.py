@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ TABLE = {
 }
 
 
-def moments(height, weights):
+def moments(height: int, weights: Any) -> tuple[float, float]:
     """Return the relative errors of ∫1 and ∫z²."""
     width = 2 * height
     w = row_weights(height, width, weights) * width
@@ -31,7 +32,7 @@ def moments(height, weights):
 
 
 @pytest.mark.parametrize("height", TABLE)
-def test_errors_of_mean_and_second_moment(height):
+def test_errors_of_mean_and_second_moment(height: int) -> None:
     paper_mean, paper_second, solid_second = TABLE[height]
     x = math.pi / (2 * height)
     mean, second = moments(height, "paper")
@@ -50,14 +51,14 @@ def test_errors_of_mean_and_second_moment(height):
 
 
 @pytest.mark.parametrize("height", [8, 25, 64])
-def test_paper_over_solid_angle_is_a_constant(height):
+def test_paper_over_solid_angle_is_a_constant(height: int) -> None:
     x = math.pi / (2 * height)
     ratio = row_weights(height, 10, "paper") / row_weights(height, 10, "solid-angle")
     assert ratio == pytest.approx(np.full(height, x / math.sin(x)), rel=1e-13)
 
 
 @pytest.mark.parametrize("half", [4, 13, 32])
-def test_fejer_is_driscoll_and_healy_between_the_pixels(half):
+def test_fejer_is_driscoll_and_healy_between_the_pixels(half: bool) -> None:
     height = 2 * half
     theta = math.pi * (np.arange(height) + 0.5) / height
     odd = 2 * np.arange(half) + 1
@@ -68,30 +69,30 @@ def test_fejer_is_driscoll_and_healy_between_the_pixels(half):
     assert (weights > 0).all()
 
 
-def operator_error(height, width, light_degree, degree, weights):
+def operator_error(height: int, width: int, light_degree: int, degree: int, weights: Any) -> float:
     """Return the largest deviation from the identity of projecting point-sampled harmonics."""
     directions = latlong_directions(height, width)
     basis = evaluate(directions, light_degree + 1)
     weighted = basis[..., : (degree + 1) ** 2] * row_weights(height, width, weights)[:, None, None]
     gram = np.einsum("ijk,ijl->kl", weighted, basis)
-    return np.abs(gram - np.eye(*gram.shape)).max()
+    return float(np.abs(gram - np.eye(*gram.shape)).max())
 
 
 @pytest.mark.parametrize(
     ("height", "width", "light_degree", "degree"), [(16, 32, 10, 4), (16, 32, 10, 5), (24, 20, 10, 4), (33, 40, 6, 6)]
 )
-def test_fejer_is_exact_for_band_limited_light(height, width, light_degree, degree):
+def test_fejer_is_exact_for_band_limited_light(height: int, width: int, light_degree: int, degree: int) -> None:
     assert operator_error(height, width, light_degree, degree, "fejer") < 1e-13
     assert operator_error(height, width, light_degree, degree, "solid-angle") > 1e-4
 
 
-def test_fejer_fails_just_outside_its_domain():
+def test_fejer_fails_just_outside_its_domain() -> None:
     assert operator_error(14, 32, 10, 4, "fejer") > 1e-4, "14 + 1 > H"
     assert operator_error(32, 14, 10, 4, "fejer") > 0.5, "14 > W − 1: columns alias"
 
 
 @pytest.mark.parametrize(("height", "paper"), [(25, 6.1e-3), (50, 1.5e-3), (101, 3.6e-4), (203, 9.0e-5)])
-def test_operator_error_of_degree_four(height, paper):
+def test_operator_error_of_degree_four(height: int, paper: float) -> None:
     width = 2 * height
     assert operator_error(height, width, 4, 4, "paper") == pytest.approx(paper, rel=0.05)
     assert operator_error(height, width, 4, 4, "solid-angle") < paper
