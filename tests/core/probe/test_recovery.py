@@ -19,6 +19,11 @@ from lightwell.probe.unwrap import resample
 from lightwell.settings import MappingSettings
 
 
+def report(line: str) -> None:
+    """Print a figure; pytest shows it with ``-s`` or ``-rP``."""
+    print(line)  # noqa: T201
+
+
 def mirror_sphere(k: float, size: int) -> Mapping:
     settings = MappingSettings(
         kind="mirror-sphere", sphere_radius_m=k, sphere_distance_m=1, disc=(size / 2, size / 2, size / 2)
@@ -45,6 +50,7 @@ def test_mirror_sphere_recovers_the_light(k: float) -> None:
         ours, constant = (
             relative_error(value, truth) for value in (project.project(image), constant_weight(mapping, image))
         )
+        report(f"R/D {k}, {name:10} mirror sphere {ours:7.3%}   constant weight 4π/N {constant:7.2%}")
         assert ours < 0.005
         assert constant > 4 * ours
 
@@ -61,6 +67,7 @@ def operator_error(k: float, size: int) -> float:
 @pytest.mark.parametrize(("k", "expected"), [(0.0366, 4.8e-2), (0.0732, 8.4e-2)])
 def test_constant_weight_is_4_to_8_percent_off(k: float, expected: float) -> None:
     error = operator_error(k, 250)
+    report(f"R/D {k}: constant weights are off by {error:.1%} in the operator")
     assert error == pytest.approx(expected, rel=0.15)
 
 
