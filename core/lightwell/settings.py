@@ -70,6 +70,9 @@ class FilterSettings(Settings):
         "tau", description="none, alpha (paper 003), tau (independent of frame rate), one-euro or kalman"
     )
     tau_seconds: float = Field(0.1, ge=0, le=60, description="tau: time constant, seconds")
+    hold: Literal["zero", "first"] = Field(
+        "zero", description="tau: light between frames is taken as constant, or (first) as changing linearly"
+    )
     alpha: float = Field(1.0, ge=0, le=1000, description="alpha: weight of the previous output (mean delay in frames)")
     min_cutoff_hz: float = Field(0.5, gt=0, le=1000, description="one-euro: cut-off at rest, hertz")
     beta: float = Field(0.4, ge=0, le=1000, description="one-euro: how much relative speed raises the cut-off")

@@ -2,7 +2,7 @@
 
 Every filter here is ``y += K (x − y)`` with *one* gain 0 ≤ K ≤ 1 for all coefficients and channels, so the output is a
 mean of inputs: it shows no light that no input showed, and stays non-negative where they are. The filters differ only
-in how they choose K.
+in how they choose K, and in whether x is the newest frame or a mean of the last two.
 
 Differences between coefficient vectors are measured by ``‖A c‖``, every coefficient weighted by the A_l of Lambert: by
 what a diffuse surface would show of them.
@@ -80,6 +80,22 @@ class _Gain(Protocol):
         ``change = ‖A(x − x_previous)‖``.
         """
         ...
+
+
+def _linear_hold_share(seconds: float, tau_seconds: float) -> float:
+    """Return the share of the frame before in what a low-pass of time constant τ sees of a linear change.
+
+    With ``a = Δt/τ``, ``p = e^−a`` and ``q = (1 − p)/a`` the exact response to an input that is linear between frames
+    is ``y = p y + (q − p) x_previous + (1 − q) x`` (MATHS §5), which is ``y += (1 − p)(target − y)`` with this share
+    of ``x_previous`` in the target. Holding the newest frame instead runs half a frame ahead of the light.
+    """
+    a = seconds / tau_seconds if tau_seconds > 0 else math.inf
+    if a < 1e-4:
+        return 0.5 - a / 12  # the series: q − p and 1 − p cancel
+    if a > 700:
+        return 1 / a
+    decay = math.exp(-a)
+    return ((1 - decay) / a - decay) / (1 - decay)
 
 
 class _ConstantGain:
@@ -171,8 +187,11 @@ class _KalmanGain:
 class _CommonGainFilter:
     """Holds the state and decides when to start anew; the gain is chosen by a `_Gain`."""
 
-    def __init__(self, gain: _Gain, cut_threshold: float, max_gap_seconds: float) -> None:
+    def __init__(
+        self, gain: _Gain, cut_threshold: float, max_gap_seconds: float, linear_hold_tau: float | None = None
+    ) -> None:
         self.cut = False
+        self._linear_hold_tau = linear_hold_tau
         self._gain = gain
         self._cut_threshold = cut_threshold
         self._max_gap_seconds = max_gap_seconds
@@ -207,7 +226,10 @@ class _CommonGainFilter:
             return self._start(frame)
         self.cut = False
         gain = self._gain.gain(seconds, level, innovation, self._norm(frame - self._input))
-        return output + gain * (frame - output)
+        target = frame
+        if self._linear_hold_tau is not None:
+            target = frame + _linear_hold_share(seconds, self._linear_hold_tau) * (self._input - frame)
+        return output + gain * (target - output)
 
     def _start(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
         bands = bands_of_count(frame.shape[0])
@@ -223,6 +245,7 @@ class _CommonGainFilter:
 def make_filter(settings: FilterSettings) -> TemporalFilter:
     """Return the filter that the settings describe."""
     gain: _Gain
+    linear_hold_tau = None
     match settings.kind:
         case "none":
             gain = _ConstantGain(0.0)
@@ -230,8 +253,9 @@ def make_filter(settings: FilterSettings) -> TemporalFilter:
             gain = _ConstantGain(settings.alpha)
         case "tau":
             gain = _TimeConstantGain(settings.tau_seconds)
+            linear_hold_tau = settings.tau_seconds if settings.hold == "first" else None
         case "one-euro":
             gain = _OneEuroGain(settings.min_cutoff_hz, settings.beta)
         case "kalman":
             gain = _KalmanGain(settings.process_noise, settings.measurement_noise)
-    return _CommonGainFilter(gain, settings.cut_threshold, settings.max_gap_seconds)
+    return _CommonGainFilter(gain, settings.cut_threshold, settings.max_gap_seconds, linear_hold_tau)

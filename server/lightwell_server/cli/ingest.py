@@ -77,6 +77,7 @@ def ingest(
     # filter
     filter_kind: Annotated[FilterKind | None, _option(FilterSettings, "kind", "--filter")] = None,
     tau_seconds: Annotated[float | None, _option(FilterSettings, "tau_seconds")] = None,
+    hold: Annotated[Literal["zero", "first"] | None, _option(FilterSettings, "hold")] = None,
     alpha: Annotated[float | None, _option(FilterSettings, "alpha")] = None,
     min_cutoff_hz: Annotated[float | None, _option(FilterSettings, "min_cutoff_hz")] = None,
     beta: Annotated[float | None, _option(FilterSettings, "beta")] = None,
@@ -130,6 +131,7 @@ def ingest(
         "filter": {
             "kind": filter_kind,
             "tau_seconds": tau_seconds,
+            "hold": hold,
             "alpha": alpha,
             "min_cutoff_hz": min_cutoff_hz,
             "beta": beta,

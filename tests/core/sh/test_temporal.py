@@ -307,6 +307,38 @@ def test_tau_and_alpha_agree_at_one_frame_rate(alpha: float) -> None:
     )
 
 
+def test_linear_hold_follows_a_ramp_exactly() -> None:
+    # x = t from rest: the low-pass of time constant τ answers t − τ(1 − e^(−t/τ)), whatever the frames' times are.
+    tau = 0.2
+    times = np.sort(np.random.default_rng(2).integers(1, SECOND, 30))
+    linear, held = make("tau", tau_seconds=tau, hold="first"), make("tau", tau_seconds=tau)
+    for smooth in (linear, held):
+        smooth.update(frame(0.0), START)
+    worst_linear, worst_held = 0.0, 0.0
+    for nanoseconds in times:
+        t = nanoseconds / SECOND
+        exact = t - tau * (1 - np.exp(-t / tau))
+        worst_linear = max(worst_linear, abs(linear.update(frame(t), START + int(nanoseconds))[0, 0] - exact))
+        worst_held = max(worst_held, abs(held.update(frame(t), START + int(nanoseconds))[0, 0] - exact))
+    assert worst_linear < 1e-8  # the clock counts whole nanoseconds
+    assert worst_held > 0.01
+
+
+@pytest.mark.parametrize("seconds", [1e-9, 1.99e-5, 2.01e-5, 0.03, 1.0])
+def test_linear_hold_at_every_frame_rate(seconds: float) -> None:
+    tau = 0.2
+    smooth = make("tau", tau_seconds=tau, hold="first", max_gap_seconds=2.0)
+    smooth.update(frame(0.0), START)
+    t = round(seconds * SECOND) / SECOND
+    exact = t + tau * np.expm1(-t / tau)
+    assert smooth.update(frame(t), START + round(seconds * SECOND))[0, 0] == pytest.approx(exact, rel=1e-3, abs=1e-17)
+
+
+def test_linear_hold_without_a_time_constant_does_not_filter() -> None:
+    inputs = np.random.default_rng(0).normal(size=20)
+    np.testing.assert_allclose(response("tau", inputs, tau_seconds=0.0, hold="first"), inputs, rtol=0, atol=1e-15)
+
+
 def test_tau_of_zero_does_not_filter() -> None:
     inputs = np.random.default_rng(0).normal(size=20)
     np.testing.assert_allclose(response("tau", inputs, tau_seconds=0.0), inputs, rtol=0, atol=1e-15)
