@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import urlsplit
 
+import httpx
 import msgspec
 import numpy as np
 import psutil
@@ -63,14 +64,20 @@ class LoadReport(msgspec.Struct):
 def run(seconds: float = SECONDS, subscribers: int = SUBSCRIBERS) -> list[Row]:
     """Return the figures; the aims of the project stand as baselines."""
     stop = threading.Event()
+    restless: list[float] = []
     with _server() as (url, process):
-        helpers = [threading.Thread(target=job, args=(url, stop)) for job in (_publish, _stay_stalled, _come_and_go)]
+        helpers = [
+            threading.Thread(target=_publish, args=(url, stop)),
+            threading.Thread(target=_stay_stalled, args=(url, stop)),
+            threading.Thread(target=_come_and_go, args=(url, stop, restless)),
+        ]
         for helper in helpers:
             helper.start()
         loads = [_start_load(url, subscribers // LOAD_PROCESSES, seconds) for _ in range(LOAD_PROCESSES)]
         time.sleep(SETTLE_SECONDS)
         memory, processor = _watch(process, seconds)
         reports = [_finish_load(load) for load in loads]
+        stalled = _metric(url, "lightwell_subscribers_stalled_total")
         stop.set()
         for helper in helpers:
             helper.join()
@@ -91,6 +98,8 @@ def run(seconds: float = SECONDS, subscribers: int = SUBSCRIBERS) -> list[Row]:
         ),
         row("memory of the server, growth", memory[-1] - memory[0], "MiB"),
         row("processor time of the server", processor, "% of one core"),
+        row("subscribers that stalled and were cut off", stalled, ""),
+        row("subscribers that came and went", len(restless), ""),
     ]
 
 
@@ -146,6 +155,12 @@ def _publish(url: str, stop: threading.Event) -> None:
             sequence += 1
 
 
+def _metric(url: str, name: str) -> float:
+    """Return a metric of the one stream."""
+    lines = httpx.get(f"{url}/metrics").text.splitlines()
+    return next(float(line.split()[-1]) for line in lines if line.startswith(f"{name}{{"))
+
+
 def _raw_subscriber(url: str) -> socket.socket:
     """Return a socket that has asked for the stream."""
     parts = urlsplit(url)
@@ -167,12 +182,11 @@ def _stay_stalled(url: str, stop: threading.Event) -> None:
             stop.wait(20.0)
 
 
-def _come_and_go(url: str, stop: threading.Event) -> None:
-    """Subscribe and vanish, once a second, every other time without a word."""
-    polite = False
+def _come_and_go(url: str, stop: threading.Event, visits: list[float]) -> None:
+    """Subscribe and vanish, once a second, every other time without a word; note when."""
     while not stop.wait(1.0):
-        polite = not polite
-        if not polite:
+        visits.append(time.time())
+        if len(visits) % 2:
             _raw_subscriber(url).close()
             continue
         with connect_blocking(_socket_url(url, "live"), subprotocols=PROTOCOL, compression=None) as light:
