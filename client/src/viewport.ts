@@ -32,8 +32,8 @@ const ARROW_LENGTH = 0.65;
 const BALL = { colour: "#ffffff", gloss: 0.92 };
 const TABLE = { colour: "#77736d", gloss: 0 };
 /** Mean radiance of the light, exposed, that looks right on the objects and behind them. */
-const METERED_LEVEL = 0.36;
-const ADAPTATION_MS = 1500;
+const METERED_LEVEL = 0.3;
+const ADAPTATION_MS = 700;
 
 /** Pixels of the window that the panel covers, on the right and at the bottom. */
 export interface Covered {
@@ -68,6 +68,7 @@ export class Viewport {
   private covered: Covered = { right: 0, bottom: 0 };
   private dirty = true;
   private fence: WebGLSync | null = null;
+  private dragging = false;
   /** The user has dragged, and the motion has not come to rest. */
   private moved = false;
   private appliedCamera: View["camera"] = null;
@@ -90,7 +91,11 @@ export class Viewport {
     this.controls.dampingFactor = 0.12;
     this.controls.minDistance = 0.8;
     this.controls.maxDistance = 40;
-    this.controls.addEventListener("start", () => (this.moved = true));
+    this.controls.addEventListener("start", () => (this.dragging = true));
+    this.controls.addEventListener("end", () => {
+      this.dragging = false;
+      this.moved = true;
+    });
 
     this.controls.addEventListener("change", () => this.surroundings.invalidate());
 
@@ -179,7 +184,7 @@ export class Viewport {
     if (this.surroundings.update()) this.dirty = true;
     if (this.controls.update()) {
       this.dirty = true;
-    } else if (this.moved) {
+    } else if (this.moved && !this.dragging) {
       this.moved = false;
       this.rememberCamera();
     }
@@ -286,6 +291,10 @@ export class Viewport {
     const free = Math.min(width - this.covered.right, (height - this.covered.bottom) * 1.25);
     const halfFree = (halfHeight * free) / height;
     const distance = BOUNDS.radius / Math.sin(Math.atan(halfFree));
+    // Without damping an update uses up what is left of an earlier motion.
+    this.controls.enableDamping = false;
+    this.controls.update();
+    this.controls.enableDamping = true;
     this.controls.target.copy(target);
     this.camera.position.copy(target).addScaledVector(direction, distance);
     this.controls.update();

@@ -37,7 +37,7 @@ Surface = tuple[Floats, Floats, NDArray[np.int64]]
 BANDS = 5
 DIRECTIONS = 2048
 DEPTH_PIXELS = 1024
-TRIANGLES_OF_BUNNY = 18_000
+TRIANGLES_OF_BUNNY = 14_000
 NORMAL_SMOOTHING = 3
 TRANSFER_STEP = 16  # of 32767: finer than the bake is exact, and it compresses
 BUNNY_HEIGHT = 1.5
@@ -95,9 +95,9 @@ def lathe(profile: Floats, profile_normals: Floats, segments: int, centre: tuple
 
 def ball() -> Surface:
     """Return a sphere of latitude rings."""
-    theta = np.linspace(np.pi, 0, 33)
+    theta = np.linspace(np.pi, 0, 25)
     normals = np.stack([np.sin(theta), np.cos(theta)], axis=1)
-    return lathe(normals * BALL_RADIUS + [0, BALL_CENTRE[2]], normals, 48, BALL_CENTRE[:2])
+    return lathe(normals * BALL_RADIUS + [0, BALL_CENTRE[2]], normals, 40, BALL_CENTRE[:2])
 
 
 def table() -> Surface:
@@ -105,13 +105,13 @@ def table() -> Surface:
     inner, depth = TABLE_RADIUS - TABLE_FILLET, TABLE_THICKNESS
     turn = np.linspace(0, np.pi / 2, 5)
     fillet = np.stack([np.sin(turn), -np.cos(turn)], axis=1)
-    below = np.stack([np.linspace(0, inner, 5), np.full(5, -depth)], axis=1)
+    below = np.stack([np.linspace(0, inner, 3), np.full(3, -depth)], axis=1)
     rim_below = fillet * TABLE_FILLET + [inner, TABLE_FILLET - depth]
     rim_above = fillet[::-1] * [1, -1] * TABLE_FILLET + [inner, -TABLE_FILLET]
-    above = np.stack([np.linspace(inner, 0, 40), np.zeros(40)], axis=1)
+    above = np.stack([np.linspace(inner, 0, 26), np.zeros(26)], axis=1)
     profile = np.concatenate([below, rim_below, rim_above, above])
-    normals = np.concatenate([np.tile([0, -1], (5, 1)), fillet, fillet[::-1] * [1, -1], np.tile([0, 1], (40, 1))])
-    return lathe(profile, normals, 96, TABLE_CENTRE)
+    normals = np.concatenate([np.tile([0, -1], (3, 1)), fillet, fillet[::-1] * [1, -1], np.tile([0, 1], (26, 1))])
+    return lathe(profile, normals, 72, TABLE_CENTRE)
 
 
 @numba.njit
