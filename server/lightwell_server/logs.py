@@ -10,9 +10,14 @@ import structlog
 from lightwell_server.config import LogSettings
 
 
+def wants_json(settings: LogSettings) -> bool:
+    """Return whether the log is JSON: as the settings say, or where nobody reads it on a terminal."""
+    return settings.format == "json" or (settings.format == "auto" and not sys.stderr.isatty())
+
+
 def configure(settings: LogSettings) -> None:
     """Set up structlog, and let the libraries' own logs through from warnings on."""
-    as_json = settings.format == "json" or (settings.format == "auto" and not sys.stderr.isatty())
+    as_json = wants_json(settings)
     level = logging.getLevelNamesMapping()[settings.level.upper()]
     renderer: structlog.typing.Processor = (
         structlog.processors.JSONRenderer() if as_json else structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty())

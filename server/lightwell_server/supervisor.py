@@ -65,13 +65,14 @@ class WorkerReport:
 class Supervisor:
     """Starts, watches and ends the embedded workers."""
 
-    def __init__(self, hub: Hub, settings: SupervisorSettings, token: str) -> None:
+    def __init__(self, hub: Hub, settings: SupervisorSettings, *, server_url: str, token: str, json_logs: bool) -> None:
+        """Prepare; ``server_url`` is where workers find this server, ``json_logs`` how they write their logs."""
         self._hub = hub
         self._settings = settings
+        self._server_url = server_url
         self._token = token
+        self._log_options = ("--json",) if json_logs else ()
         self._workers: dict[str, _Worker] = {}
-        self.server_url = ""
-        """Where workers find this server; set before the first stream is applied."""
 
     def report(self, name: str) -> WorkerReport | None:
         """Return how the embedded worker of a stream is, or None where it has none."""
@@ -161,7 +162,8 @@ class Supervisor:
             "--stream",
             worker.name,
             "--server",
-            self.server_url,
+            self._server_url,
+            *self._log_options,
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
