@@ -1,4 +1,8 @@
-"""Projection of a full 2400×1700 half-float lat-long frame, against reading it, NumPy and ducc0; one thread each."""
+"""Projection of a full 2400×1700 half-float lat-long frame, against reading it, NumPy and ducc0.
+
+Everything runs on one thread, but for the projection of the full frame, which takes two, and NumPy's matrix product,
+which takes what its BLAS takes.
+"""
 
 from __future__ import annotations
 
@@ -67,6 +71,7 @@ def run() -> list[Row]:
     rng = np.random.default_rng(0)
     frame = rng.lognormal(size=(HEIGHT, WIDTH, 3)).astype(np.float16)
     frames = [frame, *(frame.copy() for _ in range(FRAMES - 1))]
+    copied = np.empty_like(frame)
     mapping = LatLong(HEIGHT, WIDTH)
     full = Projector(mapping, BANDS)
     reduce = Downsampler(mapping, 256)
@@ -82,24 +87,27 @@ def run() -> list[Row]:
     turn = itertools.cycle(frames)
     functions = {
         "read": lambda: _read(next(turn).reshape(-1).view(np.uint64)),
-        "read 16": lambda: next(turn).reshape(-1).view(np.uint16).sum(),
+        "copy": lambda: np.copyto(copied, next(turn)),
         "full": lambda: full.project(next(turn)),
         "reduce": lambda: reduce(next(turn)),
         "small": lambda: small.project(reduced),
         "sphere full": lambda: sphere_full.project(next(turn)),
         "sphere reduce": lambda: sphere_reduce(next(turn)),
+    }
+    others = {
         "numpy matrix": lambda: _numpy_chunks(next(turn), precomputed, chunk),
         "numpy": lambda: _numpy_naive(next(turn), NAIVE_ROWS),
         "ducc": lambda: _ducc(next(turn)),
     }
-    ms = interleaved_medians(functions, repeats=21)
+    # Apart, because the threads of NumPy's BLAS keep a core busy for a while after each product.
+    ms = interleaved_medians(functions, repeats=31) | interleaved_medians(others, repeats=5)
     ms["numpy"] *= HEIGHT / NAIVE_ROWS
     ours = ms["full"]
     return [
         row("read the frame once from memory", ms["read"], "ms"),
-        row("read the frame with NumPy's sum of 16-bit words", ms["read 16"], "ms", ms["read"]),
+        row("copy the frame (against reading it)", ms["copy"], "ms", ms["read"]),
         row("project the full frame, 5 bands (against reading it)", ours, "ms", ms["read"]),
-        row("project the full frame, 5 bands (against NumPy's reading)", ours, "ms", ms["read 16"]),
+        row("project the full frame, 5 bands (against copying it)", ours, "ms", ms["copy"]),
         row("downsample to 256 pixels (against reading)", ms["reduce"], "ms", ms["read"]),
         row("matrix of the small frame", ms["small"], "ms"),
         row("downsample and matrix (against reading)", ms["reduce"] + ms["small"], "ms", ms["read"]),

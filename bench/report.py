@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NotRequired, TypedDict
 
 from rich.console import Console
@@ -46,7 +46,7 @@ def print_table(title: str, rows: list[Row]) -> None:
     Console(file=sys.stdout).print(table)
 
 
-def interleaved_medians(functions: dict[str, Callable[[], object]], repeats: int = 15) -> dict[str, float]:
+def interleaved_medians(functions: Mapping[str, Callable[[], object]], repeats: int = 15) -> dict[str, float]:
     """Return the median milliseconds of each function, called in turn so that a drift of the machine hits all alike.
 
     Every function runs once before the clock starts (compilation, caches).
