@@ -1,6 +1,7 @@
 """Run benches by name and print them as tables or as one JSON list.
 
-A bench is a module of this folder with ``run() -> list[Row]``; its docstring's first line is its description.
+A bench is a module of this folder with ``run() -> list[Row]``; its docstring's first line is its description. It may
+have a ``print_report(name, rows)`` of its own where a plain table would be hard to read.
 """
 
 from __future__ import annotations
@@ -37,10 +38,11 @@ def main() -> int:
         return 0
     rows: list[Row] = []
     for name in arguments.names:
-        measured: list[Row] = importlib.import_module(f"bench.{name}").run()
+        bench = importlib.import_module(f"bench.{name}")
+        measured: list[Row] = bench.run()
         rows += measured
         if not arguments.json:
-            print_table(name, measured)
+            getattr(bench, "print_report", print_table)(name, measured)
     if arguments.json:
         json.dump(rows, sys.stdout, indent=1)
         print()

@@ -1,4 +1,7 @@
-"""Frames per second from EXR files to published messages, and milliseconds per stage, next to paper 003's Table 2."""
+"""Frames per second from EXR files to published messages, and milliseconds per stage, next to paper 003's Table 2.
+
+The projection alone is then held against reading the frame, plain NumPy and ducc0 (`bench.projection`).
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.typing import Subprotocol
 
-from bench.report import Row, row
+from bench import projection
+from bench.report import Row, print_table, row
 from lightwell.io.exr import read_rgb, write_rgb
 from lightwell.settings import StreamSettings
 from lightwell.wire import SUBPROTOCOL, Announce, Frame, StreamStatus, Welcome, decode_worker, encode
@@ -46,7 +52,23 @@ def run() -> list[Row]:
                 folder = Path(scratch) / f"{width}-{compression}"
                 _record(folder, width, height, compression, FRAMES.get(width, 800))
                 rows += _play(folder, width, height, compression)
-    return rows
+    return rows + projection.run()
+
+
+def print_report(name: str, rows: list[Row]) -> None:
+    """Print one line a recording with its stages side by side, then the comparison of the projection."""
+    stages = [item["name"].partition(": ")[2] for item in rows if item["name"].startswith("2400x1700 half none: ")]
+    table = Table(title=name, title_justify="left")
+    for heading in ("frames", "fps", "paper 003", "ratio", *(f"{stage} ms" for stage in stages)):
+        table.add_column(heading, justify="left" if heading == "frames" else "right")
+    values = {item["name"]: item["value"] for item in rows}
+    played = [item for item in rows if item["unit"] == "fps"]
+    for item in played:
+        paper = (f"{item['baseline']:g}", f"{item['ratio']:.1f}") if "baseline" in item else ("", "")
+        milliseconds = [f"{values[item['name'] + ': ' + stage]:.2f}" for stage in stages]
+        table.add_row(item["name"], f"{item['value']:.0f}", *paper, *milliseconds)
+    Console(width=max(140, Console().width)).print(table)
+    print_table("projection", rows[len(played) * (1 + len(stages)) :])
 
 
 def _record(folder: Path, width: int, height: int, compression: str, frames: int) -> None:
