@@ -1,6 +1,6 @@
 """Chromium, a real server and publishers for the tests of the web page.
 
-Playwright keeps an event loop running in this thread; the fixtures have the scope of this package, so that it has ended
+Playwright keeps an event loop running in this thread; the fixtures have the scope of one module, so that it has ended
 before other tests run loops of their own.
 """
 
@@ -41,7 +41,7 @@ def _chromium() -> str:
     pytest.fail("the browser tests need Chromium: apt-get install chromium (or name one: LIGHTWELL_CHROMIUM=…)")
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     executable = _chromium()
     with sync_playwright() as playwright:
@@ -50,7 +50,7 @@ def browser() -> Iterator[Browser]:
         browser.close()
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     page = Path(lightwell_client.__path__[0], "static", "index.html")
     assert page.is_file(), "the web page has not been built: run script/setup"
@@ -58,7 +58,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
         yield running
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def _room_stream(server: ServerProcess) -> Iterator[Publisher]:
     with Publisher(server.url, "room") as publisher:
         yield publisher

@@ -55,7 +55,7 @@ def test_measurements_are_numbers(open_page: OpenPage, room: Publisher) -> None:
         "['render', 'stream', 'latency'].every(name =>"
         " parseFloat(document.querySelector(`[data-testid=hud-${name}]`).textContent) > 0)"
     )
-    assert 10 < figure(page, "stream") < 40
+    assert 1 <= figure(page, "stream") < 60
     assert 0 < figure(page, "latency") < 5000
     assert figure(page, "render") > 0
     expect(page.get_by_test_id("hud-missed")).to_have_text(re.compile(r"\d+"))
