@@ -148,15 +148,20 @@ def test_an_unknown_stream_is_refused_with_those_there_are(shared_server: str, w
     assert worker.stream in full
 
 
-@pytest.mark.parametrize("offered", [["lightwell.v9"], ["lightwell.v9", "chat"], None])
+@pytest.mark.parametrize("offered", [["lightwell.v9"], ["lightwell.v9", "chat"]])
 def test_another_protocol_version_is_refused_readably(
-    shared_server: str, worker: Publisher, offered: list[str] | None
+    shared_server: str, worker: Publisher, offered: list[str]
 ) -> None:
-    subprotocols = offered and [Subprotocol(name) for name in offered]
+    subprotocols = [Subprotocol(name) for name in offered]
     code, short, _ = refusal(subscribe(shared_server, worker.stream, subprotocols=subprotocols))
     assert code == CLOSE_WRONG_PROTOCOL
-    said = ", ".join(offered) if offered else "none"
-    assert short == f"this server speaks the subprotocol lightwell.v1; offered: {said}"
+    assert short == f"this server speaks the subprotocol lightwell.v1; offered: {', '.join(offered)}"
+
+
+def test_a_client_that_offers_no_subprotocol_is_served(shared_server: str, worker: Publisher) -> None:
+    light = subscribe(shared_server, worker.stream, subprotocols=None)
+    assert isinstance(receive(light), Hello)
+    light.close()
 
 
 @pytest.mark.parametrize("message", [b"\x00", encode(Heartbeat(server_time_ns=0)), encode(Subscribe(max_fps=-1))])

@@ -36,16 +36,19 @@ class RefusedError(Exception):
 
 
 async def admit(websocket: WebSocket, scope: Scope) -> None:
-    """Accept a connection that speaks the protocol and may do this; else raise `RefusedError`."""
+    """Accept a connection that speaks the protocol and may do this; else raise `RefusedError`.
+
+    A client that offers no subprotocol at all, such as a command-line tool, is taken at its word that it speaks ours.
+    """
     offered = websocket.scope.get("subprotocols", [])
-    if SUBPROTOCOL not in offered:
-        said = ", ".join(offered) or "none"
+    if offered and SUBPROTOCOL not in offered:
         # A browser drops the connection unless one of the subprotocols it offered is named, and would see no reason.
-        await websocket.accept(subprotocol=offered[0] if offered else None)
+        await websocket.accept(subprotocol=offered[0])
+        said = ", ".join(offered)
         raise RefusedError(
             CLOSE_WRONG_PROTOCOL, f"this server speaks the subprotocol {SUBPROTOCOL}; offered: {said[:40]}"
         )
-    await websocket.accept(subprotocol=SUBPROTOCOL)
+    await websocket.accept(subprotocol=SUBPROTOCOL if offered else None)
     try:
         services(websocket).auth.require(websocket, scope)
     except Problem as problem:
