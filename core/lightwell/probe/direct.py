@@ -6,12 +6,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lightwell.conventions import MAX_BANDS
 from lightwell.probe.half import to_float32
 from lightwell.probe.mapping import Floats, Mapping
 from lightwell.probe.matrix import unseen_moments
 from lightwell.probe.rim import rim_weights
-from lightwell.sh.basis import legendre_at
+from lightwell.sh.basis import RECURRENCE_A, RECURRENCE_AB, SECTORAL_RATIO, Y00
 
 CHUNK = 256
 """Pixels worked on together: their arrays stay in the first-level cache."""
@@ -19,16 +18,8 @@ CHUNK = 256
 
 def _legendre_factors(bands: int) -> NDArray[np.float32]:
     """Return ``Q_mm``, ``a_lm`` and ``a_lm b_lm`` of MATHS §1 as ``[l, m, (sectoral, a, ab)]``."""
-    factors = np.zeros((bands, bands, 3))
-    sectoral = np.zeros((MAX_BANDS, MAX_BANDS))
-    legendre_at(0.0, MAX_BANDS, sectoral)
-    for m in range(bands):
-        factors[m, m, 0] = sectoral[m, m]
-        for degree in range(m + 1, bands):
-            a = np.sqrt((4 * degree**2 - 1) / (degree**2 - m**2))
-            b = np.sqrt(((degree - 1) ** 2 - m**2) / (4 * (degree - 1) ** 2 - 1))
-            factors[degree, m] = 0, a, a * b
-    return factors.astype(np.float32)
+    factors = np.stack([np.diag(Y00 * np.cumprod(SECTORAL_RATIO)), RECURRENCE_A, RECURRENCE_AB], axis=-1)
+    return factors[:bands, :bands].astype(np.float32)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
