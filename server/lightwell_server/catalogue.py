@@ -85,8 +85,9 @@ class Catalogue:
             self._workers.apply(entry.name, entry.settings)
 
     def entries(self) -> list[Entry]:
-        """Return the streams, by name."""
-        return [self._entries[name] for name in sorted(self._entries)]
+        """Return the streams: those of the file in its order, then the others by name."""
+        others = sorted(self._entries.keys() - self._configured.keys())
+        return [self._entries[name] for name in (*self._configured, *others) if name in self._entries]
 
     def entry(self, name: str) -> Entry:
         """Return a stream; raises the 404 problem where there is none of that name."""
