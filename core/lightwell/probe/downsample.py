@@ -175,7 +175,10 @@ class Downsampler:
             )
             self.mapping = ReducedMapping(mapping, height, width, cells, whole)
             self._reciprocal = np.divide(1, cells, out=np.zeros_like(cells), where=cells > 0).astype(np.float32)
-        self._table = mapping.solid_angles()[region.row0 : region.row1, region.col0 : region.col1].astype(np.float32)
+        self._row_share, self._col_share = self._rows.share.astype(np.float32), self._cols.share.astype(np.float32)
+        if method == "gaussian" or not isinstance(mapping, LatLong):  # else the shares of the rows say everything
+            table = mapping.solid_angles()[region.row0 : region.row1, region.col0 : region.col1]
+            self._table = table.astype(np.float32)
 
     def __call__(self, image: Picture) -> Picture:
         """Return the reduced picture ``(h, w, 3)`` float32; the picture itself where there is nothing to reduce.
@@ -192,19 +195,20 @@ class Downsampler:
             return self._gaussian(samples)
         out = np.empty((self.mapping.height, self.mapping.width, 3), np.float32)
         rows, cols = self._rows, self._cols
-        row_share, col_share = rows.share.astype(np.float32), cols.share.astype(np.float32)
         if isinstance(self.source, LatLong):
-            _reduce_rows(samples, rows.first, rows.length, row_share, cols.first, cols.length, col_share, out)
+            _reduce_rows(
+                samples, rows.first, rows.length, self._row_share, cols.first, cols.length, self._col_share, out
+            )
         else:
             _reduce_weighted(
                 samples,
                 self._table,
                 rows.first,
                 rows.length,
-                row_share,
+                self._row_share,
                 cols.first,
                 cols.length,
-                col_share,
+                self._col_share,
                 self._reciprocal,
                 self.source.region.row0,
                 self.source.region.col0,

@@ -37,7 +37,11 @@ from lightwell.sh.basis import legendre_at
 PADDED_ORDERS = 16
 """Orders of the tables. Those that no band needs are zero: every order has the partner that it is summed with."""
 SPLIT_SAMPLES = 1 << 20
-"""Pictures of more samples are projected by two threads, the upper and the lower half of the rows."""
+"""Pictures of more samples are projected by two threads, the upper and the lower half of the rows.
+
+Elsewhere threads work on whole frames. One frame of full size that a camera delivers is worth two of them: the result
+is there sooner.
+"""
 
 ROWS_AHEAD = 2
 """Rows are asked for so early: folding reads in bursts, and the processor's own prefetching starts anew at each."""
@@ -46,8 +50,8 @@ ROWS_AHEAD = 2
 _FAST = {"contract", "reassoc", "nsz"}
 
 
-# Kernels take whole arrays and indices, not views of them: each view would count references, in a word of memory that
-# two threads fight over.
+# Kernels take whole arrays and indices, not views of them: numba counts the references to an array, so each view would
+# change a counter that the other thread changes too.
 @njit(cache=True, nogil=True, fastmath=_FAST)
 def _fold_row(samples, i, parts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write a+b+c+d, a−b+c−d, a−c and b−d of row i into the four parts, colour samples still interleaved."""
@@ -185,7 +189,7 @@ def _legendre_rows(theta, weights, bands, out):  # type: ignore[no-untyped-def] 
             power *= np.sin(theta[i])
 
 
-_second_half = ThreadPoolExecutor(thread_name_prefix="project")
+_second_half = ThreadPoolExecutor(max_workers=2, thread_name_prefix="project")
 
 
 class FourierProjection:

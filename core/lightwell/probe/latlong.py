@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import ClassVar
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightwell.probe.mapping import Bools, Floats, Mapping, Samples
+from lightwell.probe.weights import row_weights
 
 
 class LatLong(Mapping):
@@ -44,8 +44,7 @@ class LatLong(Mapping):
 
     def row_solid_angles(self) -> Floats:
         """Return the exact solid angle of one pixel of each row, ``(H,)``: ``(2π/W)(cosθ_{i−½} − cosθ_{i+½})``."""
-        theta = np.pi * (np.arange(self.height) + 0.5) / self.height
-        return 2 * np.pi / self.width * 2 * np.sin(theta) * math.sin(math.pi / (2 * self.height))
+        return row_weights(self.height, self.width)
 
     def solid_angles(self) -> Floats:
         """Return the exact solid angle of each pixel, ``(H, W)``; they sum to 4π."""

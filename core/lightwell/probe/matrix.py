@@ -50,7 +50,7 @@ def _multiply(samples, first_row, first_column, matrix, out):  # type: ignore[no
 
 
 def projection_matrix(mapping: Mapping, bands: int, weights: ProjectionWeights, blind: str) -> Floats:
-    """Return what each pixel adds to each coefficient, ``(H·W, bands²)`` float64.
+    """Return what each pixel of the mapping's region adds to each coefficient, ``(pixels, bands²)`` float64.
 
     Lat-long: quadrature weight times the basis at the pixel's centre. Other mappings: the integral of the basis over
     the pixel's footprint. With ``blind`` = ``fill``, what the footprints leave of the integral of the basis over the
@@ -61,11 +61,14 @@ def projection_matrix(mapping: Mapping, bands: int, weights: ProjectionWeights, 
         basis = evaluate(mapping.directions(*mapping.pixel_centres())[0], bands)
         basis *= row_weights(mapping.height, mapping.width, weights)[:, None, None]
         return np.asarray(basis.reshape(-1, bands * bands))
-    matrix = np.zeros((mapping.height * mapping.width, bands * bands))
+    row0, row1, col0, col1 = mapping.region
+    matrix = np.zeros(((row1 - row0) * (col1 - col0), bands * bands))
     for pixel, direction, solid_angle in mapping.footprints():
-        _add_samples(pixel, direction, solid_angle, bands, matrix)
+        row, column = np.divmod(pixel, mapping.width)
+        _add_samples((row - row0) * (col1 - col0) + column - col0, direction, solid_angle, bands, matrix)
     if blind == "fill":
-        matrix += np.outer(rim_weights(mapping), unseen_moments(matrix.sum(axis=0)))
+        rim = rim_weights(mapping).reshape(mapping.height, mapping.width)[row0:row1, col0:col1]
+        matrix += np.outer(rim, unseen_moments(matrix.sum(axis=0)))
     return matrix
 
 
@@ -81,10 +84,10 @@ class MatrixProjection:
 
     def __init__(self, mapping: Mapping, bands: int, weights: ProjectionWeights, blind: str) -> None:
         self._region = mapping.region
-        row0, row1, col0, col1 = self._region
-        matrix = projection_matrix(mapping, bands, weights, blind).reshape(mapping.height, mapping.width, -1)
+        rows = self._region.row1 - self._region.row0
+        matrix = projection_matrix(mapping, bands, weights, blind).reshape(rows, -1, bands * bands)
         # Row by row, then coefficient by coefficient: the kernel streams through it.
-        self._matrix = np.ascontiguousarray(matrix[row0:row1, col0:col1].transpose(0, 2, 1), dtype=np.float32)
+        self._matrix = np.ascontiguousarray(matrix.transpose(0, 2, 1), dtype=np.float32)
 
     @property
     def nbytes(self) -> int:

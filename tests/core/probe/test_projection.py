@@ -24,7 +24,7 @@ from tests.support.reference_probe import (
 
 from lightwell.conventions import MAX_BANDS
 from lightwell.errors import MappingError
-from lightwell.probe import projection
+from lightwell.probe import fourier, projection
 from lightwell.probe.direct import DirectProjection
 from lightwell.probe.downsample import Downsampler
 from lightwell.probe.factory import make_mapping
@@ -50,8 +50,8 @@ def test_real_latlong_maps_against_an_independent_sum(map_name: str) -> None:
     image = real_map(map_name)
     mapping = LatLong(256, 512)
     reference = project_latlong(image, 5)
-    fourier = FourierProjection(mapping, 5, "solid-angle")(sample_rows(image, 256, 512))
-    for value in (Projector(mapping, 5).project(image), fourier):
+    full = FourierProjection(mapping, 5, "solid-angle")(sample_rows(image, 256, 512))
+    for value in (Projector(mapping, 5).project(image), full):
         assert relative_error(value, reference) < 1e-6
     assert relative_error(Projector(mapping, 5).project(image.astype(np.float32)), reference) < 1e-6
     # Clamping the maps' negative samples (DWA ringing around bright lights) is no rounding matter: it adds light.
@@ -188,7 +188,7 @@ def test_paper_weights_over_count() -> None:
 @given(
     height=st.integers(1, 40),
     width=st.integers(1, 60),
-    bands=st.integers(1, 8),
+    bands=st.integers(1, MAX_BANDS),
     weights=st.sampled_from(["solid-angle", "paper", "fejer"]),
     half=st.booleans(),
 )
@@ -199,6 +199,16 @@ def test_fourier_sums_equal_the_matrix(height: int, width: int, bands: int, weig
     value = FourierProjection(mapping, bands, weights)(sample_rows(image, height, width))
     assert relative_error(value, reference) < 2e-6
     assert relative_error(Projector(mapping, bands, weights).project(image), reference) < 2e-6
+
+
+@pytest.mark.parametrize("height", [2, 31])
+def test_two_threads_make_the_same_sums(height: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    mapping = LatLong(height, 64)
+    samples = sample_rows(light(mapping), height, 64)
+    project = FourierProjection(mapping, 5, "solid-angle")
+    alone = project(samples)
+    monkeypatch.setattr(fourier, "SPLIT_SAMPLES", 0)
+    np.testing.assert_allclose(project(samples), alone, rtol=1e-12, atol=1e-12)
 
 
 @names
