@@ -13,7 +13,7 @@ import os
 import sys
 import time
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Coroutine
 from dataclasses import dataclass, field
 
 import structlog
@@ -45,6 +45,8 @@ class _Worker:
     last_error: str = ""
     tail: deque[str] = field(default_factory=lambda: deque(maxlen=TAIL_LINES))
     task: asyncio.Task[None] | None = None
+    turn: asyncio.Lock = field(default_factory=asyncio.Lock)
+    """Held by the task whose process may run; it is free when that process has ended."""
 
     def become(self, state: WorkerState) -> None:
         """Go to another state; raises ``ValueError`` where it cannot follow this one."""
@@ -98,27 +100,30 @@ class Supervisor:
         same = all(getattr(before, key) == getattr(settings, key) for key in (*RESTART_KEYS, "enabled"))
         worker.settings = settings
         if worker.task is None or not same:
-            worker.task = asyncio.create_task(self._replace(worker, worker.task), name=f"worker {name}")
+            if worker.task is not None:
+                worker.task.cancel()
+            worker.task = asyncio.create_task(self._run(worker), name=f"worker {name}")
 
     async def remove(self, name: str) -> None:
         """Stop the worker of a stream and forget it."""
         worker = self._workers.pop(name, None)
         if worker is not None:
-            await _cancel(worker.task)
+            await _stop(worker)
 
     async def close(self) -> None:
         """Stop all workers, at the same time."""
         workers, self._workers = list(self._workers.values()), {}
-        await asyncio.gather(*(_cancel(worker.task) for worker in workers))
+        await asyncio.gather(*(_stop(worker) for worker in workers))
 
-    async def _replace(self, worker: _Worker, previous: asyncio.Task[None] | None) -> None:
-        try:
-            await _cancel(previous)
-            if worker.settings.enabled:
-                await self._keep_alive(worker)
-        finally:
-            if worker.state is not WorkerState.ENDED:
-                worker.become(WorkerState.STOPPED)
+    async def _run(self, worker: _Worker) -> None:
+        """Wait until the process of the task before has ended, then keep one alive."""
+        async with worker.turn:
+            try:
+                if worker.settings.enabled:
+                    await self._keep_alive(worker)
+            finally:
+                if worker.state is not WorkerState.ENDED:
+                    worker.become(WorkerState.STOPPED)
 
     async def _keep_alive(self, worker: _Worker) -> None:
         """Run the process again and again; returns where its source has come to its end."""
@@ -179,7 +184,7 @@ class Supervisor:
         finally:
             if process.returncode is None:
                 worker.become(WorkerState.STOPPING)
-                await asyncio.shield(self._end(process))
+                await _to_the_end(self._end(process))
             worker.pid = None
             await reading
 
@@ -236,11 +241,26 @@ class Supervisor:
             await process.wait()
 
 
-async def _cancel(task: asyncio.Task[None] | None) -> None:
-    if task is not None:
-        task.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await task
+async def _stop(worker: _Worker) -> None:
+    """Cancel the worker's task and wait until its process, and any that it was to follow, has ended."""
+    if worker.task is not None:
+        worker.task.cancel()
+    async with worker.turn:
+        return
+
+
+async def _to_the_end(work: Coroutine[None, None, None]) -> None:
+    """Do all of ``work``, however often the caller is cancelled meanwhile; the cancellation is raised afterwards."""
+    task = asyncio.ensure_future(work)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.wait({task})
+        except asyncio.CancelledError as error:
+            cancelled = error
+    task.result()
+    if cancelled is not None:
+        raise cancelled
 
 
 async def _read_stderr(process: asyncio.subprocess.Process, tail: deque[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import sys
@@ -16,7 +17,12 @@ import pytest
 from tests.support.publisher import Publisher
 from tests.support.server import problem, running_server, server_process, wait_until
 
+from lightwell.settings import StreamSettings
 from lightwell_client import LightStream
+from lightwell_server.config import HubSettings, SupervisorSettings
+from lightwell_server.hub import Hub
+from lightwell_server.session import WorkerState
+from lightwell_server.supervisor import Supervisor
 
 ROOM = {"source": "synthetic:room?fps=30", "bands": 3, "resolution": 64, "backdrop": {"enabled": False}}
 SUPERVISOR = {"embedded": True, "backoff_first_seconds": 0.05, "backoff_longest_seconds": 0.2}
@@ -155,3 +161,92 @@ def test_a_worker_from_elsewhere_has_the_stream_to_itself(api: Api) -> None:
         wait_until(lambda: not process.is_running())
         assert api.stream()["session"] == worker.session
     api.wait_for_state("running")
+
+
+class StubbornWorkers:
+    """A supervisor whose processes only note that they started, and must be killed."""
+
+    def __init__(self, directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._journal = directory / "journal"
+        self._journal.touch()
+        program = directory / "worker"
+        program.write_text(
+            "#!/bin/sh\ntrap '' TERM\n"
+            f"for other in $(cat '{self._journal}'); do kill -0 $other && echo overlap >> '{self._journal}'; done\n"
+            f"echo $$ >> '{self._journal}'\nexec sleep 600\n"
+        )
+        program.chmod(0o755)
+        monkeypatch.setattr(sys, "executable", str(program))
+        self.supervisor = Supervisor(
+            Hub(HubSettings(), "run"),
+            SupervisorSettings(stop_seconds=0.2),
+            server_url="http://127.0.0.1:9",
+            token="t",
+            json_logs=False,
+        )
+
+    def apply(self, source: str) -> None:
+        self.supervisor.apply("room", StreamSettings(source=source))
+
+    def started(self) -> list[str]:
+        return self._journal.read_text().split()
+
+    def alive(self) -> int:
+        return sum(psutil.pid_exists(int(pid)) for pid in self.started())
+
+    async def until_started(self, count: int) -> None:
+        await asyncio.to_thread(wait_until, lambda: len(self.started()) >= count)
+
+    async def until_stopping(self) -> None:
+        await asyncio.to_thread(wait_until, self._is_stopping)
+
+    def _is_stopping(self) -> bool:
+        report = self.supervisor.report("room")
+        return report is not None and report.state is WorkerState.STOPPING
+
+
+@pytest.fixture
+def stubborn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StubbornWorkers:
+    return StubbornWorkers(tmp_path, monkeypatch)
+
+
+@pytest.mark.parametrize("while_stopping", [False, True])
+async def test_removing_a_worker_that_is_being_replaced_starts_nothing(
+    stubborn: StubbornWorkers, while_stopping: bool
+) -> None:
+    stubborn.apply("exr:a")
+    await stubborn.until_started(1)
+    stubborn.apply("exr:b")
+    if while_stopping:
+        await stubborn.until_stopping()
+    async with asyncio.timeout(30):
+        await stubborn.supervisor.remove("room")
+    assert (len(stubborn.started()), stubborn.alive()) == (1, 0)
+
+
+@pytest.mark.parametrize("while_stopping", [False, True])
+async def test_a_worker_that_is_replaced_twice_never_meets_another(
+    stubborn: StubbornWorkers, while_stopping: bool
+) -> None:
+    stubborn.apply("exr:a")
+    await stubborn.until_started(1)
+    stubborn.apply("exr:b")
+    if while_stopping:
+        await stubborn.until_stopping()
+    stubborn.apply("exr:c")
+    await stubborn.until_started(2)
+    await stubborn.supervisor.close()
+    assert "overlap" not in stubborn.started()
+    assert (len(stubborn.started()), stubborn.alive()) == (2, 0)
+
+
+async def test_a_second_cancellation_does_not_leave_the_process_behind(stubborn: StubbornWorkers) -> None:
+    stubborn.apply("exr:a")
+    await stubborn.until_started(1)
+    (task,) = [task for task in asyncio.all_tasks() if task.get_name() == "worker room"]
+    task.cancel()
+    await stubborn.until_stopping()
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert stubborn.alive() == 0
