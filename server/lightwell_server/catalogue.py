@@ -169,8 +169,8 @@ class Catalogue:
                 channel.reconfigure(restored.settings)
                 return restored
             del self._entries[name]
+            self._hub.remove(name)  # before the wait: a worker that announces meanwhile gets a channel of its own
             await self._workers.remove(name)
-            self._hub.remove(name)
             return None
 
     def announce(self, name: str, announced: StreamSettings, *, embedded: bool) -> tuple[Channel, StreamSettings]:
@@ -178,8 +178,13 @@ class Catalogue:
 
         What is configured wins over what the worker announces, except for the source and the mapping of a worker that
         was started elsewhere: it knows its pictures. A name that nobody configured becomes a stream of its own.
+
+        Raises
+        ------
+        Problem
+            404 where an embedded worker announces a stream that has been deleted while the worker started.
         """
-        entry = self._entries.get(name)
+        entry = self.entry(name) if embedded else self._entries.get(name)
         if entry is None or entry.origin is Origin.WORKER:
             settings = announced.model_copy(update={"enabled": False})
             revision = entry.revision + 1 if entry else 0

@@ -34,8 +34,9 @@ from lightwell_server.auth import Scope
 from lightwell_server.config import complaint
 from lightwell_server.hub import Channel, Publisher
 from lightwell_server.intake import Punctuality, check_message
+from lightwell_server.problems import Problem
 from lightwell_server.quiet import OnceInAWhile
-from lightwell_server.routes.refusal import RefusedError, admit, refuse
+from lightwell_server.routes.refusal import RefusedError, admit, refusal, refuse
 from lightwell_server.services import Services, services
 
 router = APIRouter()
@@ -87,7 +88,10 @@ async def _serve(
     websocket: WebSocket, name: str, announce: Announce, announced: StreamSettings, parts: Services, address: str
 ) -> None:
     embedded = parts.auth.is_embedded(websocket)
-    channel, settings = parts.catalogue.announce(name, announced, embedded=embedded)
+    try:
+        channel, settings = parts.catalogue.announce(name, announced, embedded=embedded)
+    except Problem as problem:
+        raise refusal(problem) from None
     outgoing: asyncio.Queue[StreamSettings] = asyncio.Queue()
     ended: asyncio.Future[RefusedError] = asyncio.get_running_loop().create_future()
     publisher = Publisher(
