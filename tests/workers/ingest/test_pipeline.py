@@ -104,6 +104,17 @@ def test_bad_frames_are_counted_each_time_and_logged_once() -> None:
     assert skipped == [("a.exr", "is cut short"), ("b.exr", "is empty")]
 
 
+@pytest.mark.parametrize("position", [0, 1])
+def test_frame_too_bright_for_a_message_is_skipped(position: int) -> None:
+    items: list[Frame | FrameError] = [frame("0"), frame("1"), frame("2")]
+    items[position] = frame(str(position), value=1e38)
+    pipeline, sink = run(items)
+    assert [item.source_frame for item in sink.frames] == [str(n) for n in range(3) if n != position]
+    assert all(np.isfinite(wire.unpack_coefficients(item.coefficients)).all() for item in sink.frames)
+    assert pipeline.counters.frames_skipped == 1
+    assert pipeline.counters.last_error.startswith(f"{position}: gives a coefficient of")
+
+
 def test_samples_are_counted_over_all_frames() -> None:
     pipeline, _ = run([frame("0", value=np.nan), frame("1", value=-1.0), frame("2", value=np.inf)])
     samples = 8 * 16 * 3

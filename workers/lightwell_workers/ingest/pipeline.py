@@ -12,6 +12,7 @@ of which every frame counts waits. What happens to frames is counted in `Counter
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import threading
 import time
@@ -71,6 +72,7 @@ class Pipeline:
         self._finisher = Finisher(stream, session)
         self._backdrop = BackdropStage(stream, session, sink.show)
         self._bad_frames = BadFrames()
+        self._skipping = threading.Lock()
         self._free_reducers = threading.Semaphore(REDUCERS)
         self._in_order: queue.SimpleQueue[Future[Reduced] | None] = queue.SimpleQueue()
         self._failure: Exception | None = None
@@ -115,7 +117,8 @@ class Pipeline:
         pixels = self._source.first_picture()
         if pixels is not None:
             frame = Frame(pixels=pixels, name="", capture_time_ns=0, ingest_time_ns=0)
-            Finisher("", "").finish(reduce_frame(frame, self.settings))
+            with contextlib.suppress(FrameError):  # it is skipped when its turn comes
+                Finisher("", "").finish(reduce_frame(frame, self.settings))
 
     def _capture(self, reducers: ThreadPoolExecutor) -> None:
         frames = iter(self._source)
@@ -136,6 +139,8 @@ class Pipeline:
         while (future := self._in_order.get()) is not None:
             try:
                 self._finish(future.result())
+            except FrameError as error:
+                self._skip(error)
             except Exception as error:  # ends the pipeline: `run` raises it
                 self._failure = error
                 self._source.close()
@@ -154,9 +159,10 @@ class Pipeline:
         counters.last_frame_time_ns = time.time_ns()
 
     def _skip(self, error: FrameError) -> None:
-        self.counters.frames_skipped += 1
-        self.counters.last_error = str(error)
-        self._bad_frames.report(error)
+        with self._skipping:  # both the capture and the finish thread skip
+            self.counters.frames_skipped += 1
+            self.counters.last_error = str(error)
+            self._bad_frames.report(error)
 
 
 class BadFrames:
@@ -164,12 +170,10 @@ class BadFrames:
 
     def __init__(self) -> None:
         self._reported: set[tuple[str, str]] = set()
-        self._lock = threading.Lock()
 
     def report(self, error: FrameError) -> None:
         """Log the frame's name and the reason, the first time."""
-        with self._lock:
-            if (error.frame, error.reason) in self._reported:
-                return
-            self._reported.add((error.frame, error.reason))
+        if (error.frame, error.reason) in self._reported:
+            return
+        self._reported.add((error.frame, error.reason))
         stage_logger("source").warning("frame skipped", frame=error.frame, reason=error.reason)

@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell import wire
+from lightwell.errors import FrameError
 from lightwell.settings import FilterSettings, WindowSettings
 from lightwell.sh.dominant import split_dominant
 from lightwell.sh.temporal import TemporalFilter, make_filter
 from lightwell.sh.window import WindowStage
 from lightwell_workers.ingest.stages.reduce import Reduced
+
+LARGEST_COEFFICIENT = 1e30
+"""Coefficients travel as float32, whose largest is 3.4e38: no gain of filter, rotation or convention gets there."""
 
 
 class Finisher:
@@ -28,8 +32,15 @@ class Finisher:
         self._filter_key: tuple[int, FilterSettings] | None = None
 
     def finish(self, reduced: Reduced) -> wire.Frame:
-        """Return the message for the next frame; ``seq`` and ``publish_time_ns`` are the publisher's to set."""
+        """Return the message for the next frame; ``seq`` and ``publish_time_ns`` are the publisher's to set.
+
+        Raises
+        ------
+        FrameError
+            Where the samples are so large that no message can hold their light; window and filter never saw them.
+        """
         frame, settings, times = reduced.frame, reduced.settings, reduced.times
+        _require_sendable(reduced)
         window, temporal = self._stages(reduced)
         with times.measure("window"):
             windowed, weights, strength = window.update(reduced.coefficients, frame.capture_time_ns)
@@ -71,6 +82,13 @@ class Finisher:
             self._filter = make_filter(settings.filter)
             self._filter_key = (settings.bands, settings.filter)
         return self._window, self._filter
+
+
+def _require_sendable(reduced: Reduced) -> None:
+    largest = float(np.abs(reduced.coefficients).max())
+    if not largest <= LARGEST_COEFFICIENT:  # NaN is not either
+        reason = f"gives a coefficient of {largest:.3g}, above {LARGEST_COEFFICIENT:g}: are its samples damaged?"
+        raise FrameError(reduced.frame.name, reason)
 
 
 def _dominant(coefficients: NDArray[np.float64]) -> wire.DominantLight | None:
