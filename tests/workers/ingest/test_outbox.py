@@ -73,6 +73,15 @@ def test_lossless_never_holds_more_than_its_capacity() -> None:
     waiter.join(10)
 
 
+def test_closed_lossless_outbox_does_not_grow() -> None:
+    outbox = Outbox(lossless=True)
+    outbox.close()
+    for number in range(2 * LOSSLESS_CAPACITY):
+        outbox.put_frame(frame(str(number)))
+    taken = [item.source_frame for item in iter(outbox.take, None) if isinstance(item, Frame)]
+    assert taken == [str(n) for n in range(LOSSLESS_CAPACITY)]
+
+
 def test_frame_that_could_not_be_sent_goes_back() -> None:
     lossless = Outbox(lossless=True)
     lossless.put_frame(frame("1"))

@@ -125,6 +125,20 @@ def test_refusals_are_final(server: PublishServer, reason: str) -> None:
     assert not publisher.close()
 
 
+def test_failure_of_the_publisher_is_told() -> None:
+    def fail(settings: dict[str, object]) -> None:
+        raise ZeroDivisionError("a defect")
+
+    callbacks = Callbacks()
+    callbacks.on_settings = fail  # type: ignore[method-assign]
+    with PublishServer() as server, publishing(server.url, lossless=True, callbacks=callbacks) as publisher:
+        assert publisher.finished.wait(10)
+        for _ in range(50):
+            publisher.publish(messages.frame())  # blocks nobody
+        assert publisher.refused == "a defect"
+        assert not publisher.close()
+
+
 def test_worker_that_is_replaced_does_not_come_back() -> None:
     with PublishServer() as server, publishing(server.url) as publisher:
         server.wait_for(lambda s: bool(s.announces))

@@ -41,10 +41,15 @@ class Outbox:
             return not self._frames and self._status is None and self._backdrop is None
 
     def put_frame(self, frame: Frame) -> None:
-        """Leave a frame; a lossless outbox that is full waits for room, or until it is closed."""
+        """Leave a frame; a lossless outbox that is full waits for room.
+
+        Once that is closed there is nobody to make room: what does not fit is thrown away.
+        """
         with self._changed:
             if self._lossless:
                 self._changed.wait_for(lambda: self._closed or len(self._frames) < self._capacity)
+                if len(self._frames) >= self._capacity:
+                    return
             elif self._frames:
                 self._frames.clear()
                 self._overtaken += 1

@@ -125,7 +125,7 @@ class Publisher:
         self._refused = ""
         self._error = ""
         self.finished = threading.Event()
-        """Set when the publisher has ended: all is delivered, or the server refused the worker."""
+        """Set when the publisher has ended: all is delivered, the server refused the worker, or it failed."""
         self._connecting = self._loop.create_task(self._keep_connected())
         self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
 
@@ -146,7 +146,7 @@ class Publisher:
 
     @property
     def refused(self) -> str:
-        """Why the server will not have this worker; empty while it may try."""
+        """Why no more can be published: the server will not have this worker, or it fails; empty while it may try."""
         return self._refused
 
     @property
@@ -205,6 +205,9 @@ class Publisher:
             log.error("refused", reason=self._refused)
         except asyncio.CancelledError:
             log.warning("gave up", reason=self._error)
+        except Exception as error:  # a live worker without a publisher would run on for nobody
+            self._refused = str(error) or type(error).__name__
+            log.error("failed", reason=self._refused, exc_info=error)
         finally:
             self._loop.close()
             self.finished.set()
