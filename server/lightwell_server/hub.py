@@ -10,6 +10,7 @@ Each variant (convention, bands) of a frame is converted and encoded once, when 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -112,7 +113,7 @@ class Subscription:
         self._events: deque[bytes] = deque()
         self._frame_waits = False
         self._backdrop_waits = False
-        self._due = 0.0
+        self._due = -math.inf
         self._untold = 0
         self.missed = 0
         self.state = SubscriberState.OPEN
@@ -164,15 +165,19 @@ class Subscription:
                 count, self._untold = self._untold, 0
                 return encode(Missed(stream=self.channel.name, count=count, total=self.missed))
             self._frame_waits = False
-            if self.wishes.max_fps is not None:
-                interval = 1.0 / self.wishes.max_fps
-                self._due = max(self._due, now - interval) + interval
+            self._use_allowance(now)
             self.channel.counters.sent += 1
             return self.channel.encoded(self.wishes.variant)
         if self._backdrop_waits:
             self._backdrop_waits = False
             return self.channel.backdrop
         return None
+
+    def _use_allowance(self, now: float) -> None:
+        """Put the next frame off as ``max_fps`` says; its rhythm goes on after a frame that was less than one late."""
+        if self.wishes.max_fps is not None:
+            interval = 1.0 / self.wishes.max_fps
+            self._due = (self._due if now - self._due < interval else now) + interval
 
     def wait_seconds(self, now: float) -> float | None:
         """Return how long until a frame that ``max_fps`` holds back is due; None where nothing waits."""

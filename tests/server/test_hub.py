@@ -155,6 +155,17 @@ def test_the_last_frame_comes_when_max_fps_lets_it(hub: Hub, channel: Channel) -
     assert subscriber.subscription.wait_seconds(9.0) is None
 
 
+def test_max_fps_holds_from_the_first_frame_on(hub: Hub, channel: Channel) -> None:
+    subscriber = Subscriber(hub, channel, Wishes(max_fps=0.5), now=100.0)
+    subscriber.take_all(100.0)
+    got = []
+    for step in range(61):  # six seconds
+        now = 100.0 + step / 10
+        channel.publish_frame(make_frame(step), now)
+        got += [step for message in subscriber.take_all(now) if isinstance(message, Frame)]
+    assert got == [0, 20, 40, 60]
+
+
 def test_a_send_under_way_counts_as_slow_even_with_max_fps(hub: Hub, channel: Channel) -> None:
     subscriber = Subscriber(hub, channel, Wishes(max_fps=10))
     subscriber.subscription.sending_since = 0.0
