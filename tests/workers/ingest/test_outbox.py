@@ -95,3 +95,16 @@ def test_frame_that_could_not_be_sent_goes_back() -> None:
     taken = live.take()
     assert isinstance(taken, Frame)
     assert taken.source_frame == "1"
+
+
+def test_status_and_backdrop_that_could_not_be_sent_go_back_unless_newer_ones_wait() -> None:
+    outbox = Outbox(lossless=False)
+    outbox.put_back(status("ended"))
+    outbox.put_back(backdrop(1))
+    assert [outbox.take(), outbox.take(), outbox.take()] == [status("ended"), backdrop(1), None]
+
+    outbox.put_status(status("ended"))
+    outbox.put_backdrop(backdrop(2))
+    outbox.put_back(status("running"))
+    outbox.put_back(backdrop(1))
+    assert [outbox.take(), outbox.take(), outbox.take()] == [status("ended"), backdrop(2), None]

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import pytest
 from tests.support import messages
 from tests.support.publish_server import PublishServer
+from websockets.asyncio.client import ClientConnection
 
 from lightwell.errors import SourceError
 from lightwell.wire import CLOSE_REPLACED, CLOSE_UNAUTHORIZED, Frame
@@ -163,6 +164,29 @@ def test_reconnects_after_the_server_has_gone_and_loses_nothing_it_still_holds()
             assert len(names) >= 4
             assert publisher.reconnects == 1
             assert len(again.announces) == 1
+
+
+def test_last_status_survives_a_connection_that_closes_under_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    send = ClientConnection.send
+    closed = threading.Event()
+
+    async def close_under_the_status(connection: ClientConnection, message: bytes) -> None:
+        if b"ended" in message and not closed.is_set():
+            closed.set()
+            await connection.close()
+        await send(connection, message)
+
+    monkeypatch.setattr(ClientConnection, "send", close_under_the_status)
+    with PublishServer() as server, publishing(server.url, lossless=True) as publisher:
+        publisher.publish(messages.frame())
+        publisher.report(messages.status("ended"))
+        publisher.drain()
+        assert publisher.finished.wait(10)
+        assert publisher.close()
+        server.wait_for(lambda s: bool(s.statuses))
+    assert closed.is_set()
+    assert [status.state for status in server.statuses] == ["ended"]
+    assert publisher.reconnects == 1
 
 
 def test_waits_for_a_server_that_is_not_there_yet() -> None:

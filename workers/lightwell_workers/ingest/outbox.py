@@ -10,6 +10,9 @@ from lightwell.wire import Backdrop, Frame, StreamStatus
 LOSSLESS_CAPACITY = 8
 """Frames that may wait for the socket before a lossless publisher holds the pipeline back."""
 
+Message = Frame | StreamStatus | Backdrop
+"""What a worker sends once it is welcome."""
+
 
 class Outbox:
     """Messages from the pipeline's threads to the sender.
@@ -55,11 +58,15 @@ class Outbox:
                 self._overtaken += 1
             self._frames.append(frame)
 
-    def put_back(self, frame: Frame) -> None:
-        """Return a frame that could not be sent; in a lossless outbox it stays the first."""
+    def put_back(self, message: Message) -> None:
+        """Return what could not be sent, unless a newer one waits; in a lossless outbox a frame stays the first."""
         with self._changed:
-            if self._lossless or not self._frames:
-                self._frames.appendleft(frame)
+            if isinstance(message, StreamStatus):
+                self._status = self._status or message
+            elif isinstance(message, Backdrop):
+                self._backdrop = self._backdrop or message
+            elif self._lossless or not self._frames:
+                self._frames.appendleft(message)
             else:
                 self._overtaken += 1
 
@@ -73,7 +80,7 @@ class Outbox:
         with self._changed:
             self._backdrop = backdrop
 
-    def take(self) -> Frame | StreamStatus | Backdrop | None:
+    def take(self) -> Message | None:
         """Return the next message, or None where nothing waits."""
         with self._changed:
             if self._frames:

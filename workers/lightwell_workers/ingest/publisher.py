@@ -39,7 +39,7 @@ from lightwell.wire import (
     encode,
 )
 from lightwell_workers.ingest.log import stage_logger
-from lightwell_workers.ingest.outbox import Outbox
+from lightwell_workers.ingest.outbox import Message, Outbox
 
 FIRST_PAUSE_SECONDS = 0.05
 LONGEST_PAUSE_SECONDS = 2.0
@@ -286,26 +286,26 @@ class Publisher:
         while True:
             self._something.clear()
             while (message := self._outbox.take()) is not None:
-                if isinstance(message, Frame):
-                    await self._send_frame(connection, message)
-                else:
-                    await connection.send(encode(message))
+                try:
+                    await self._send_message(connection, message)
+                except (ConnectionClosed, asyncio.CancelledError):  # it goes with the next connection
+                    self._outbox.put_back(message)
+                    raise
             if self._draining:
                 return
             await self._something.wait()
 
-    async def _send_frame(self, connection: ClientConnection, frame: Frame) -> None:
-        queued_ns = frame.publish_time_ns
-        frame.seq = self._published
-        frame.publish_time_ns = time.time_ns()
-        frame.quality.stage_ms["publish"] = (frame.publish_time_ns - queued_ns) / 1e6
-        try:
-            await connection.send(encode(frame))
-        except ConnectionClosed:
-            self._outbox.put_back(frame)
-            raise
+    async def _send_message(self, connection: ClientConnection, message: Message) -> None:
+        if not isinstance(message, Frame):
+            await connection.send(encode(message))
+            return
+        queued_ns = message.publish_time_ns
+        message.seq = self._published
+        message.publish_time_ns = time.time_ns()
+        message.quality.stage_ms["publish"] = (message.publish_time_ns - queued_ns) / 1e6
+        await connection.send(encode(message))
         self._published += 1
-        self._on_sent(frame)
+        self._on_sent(message)
 
 
 def _raise_if_final(error: Exception) -> None:
