@@ -17,7 +17,7 @@ export interface StreamInfo {
   mapping: string;
   bands: number;
   units: "W.sr-1.m-2" | "relative";
-  state: string;
+  state: "ended" | "failed" | "running" | "stalled" | "starting" | "stopped";
   convention: Convention;
   backdrop: boolean;
 }
@@ -142,6 +142,8 @@ export interface StreamStatus {
   session: string;
   state: "ended" | "failed" | "running" | "stalled" | "starting" | "stopped";
   fps: number;
+  /** Time between the source's frames, as far as it knows; 0 where it does not. */
+  interval_seconds: number;
   frames_in: number;
   frames_published: number;
   /** Frames that could not be read. */
@@ -164,7 +166,11 @@ export interface Refused {
   reason: string;
 }
 
-/** Change a subscription; what is left out stays as it is. */
+/**
+ * Change a subscription; what is left out stays as it is.
+ *
+ * So `max_fps` can be changed and not be taken away: for frames without a limit, connect again.
+ */
 export interface Subscribe {
   type: "subscribe";
   bands?: number | null;

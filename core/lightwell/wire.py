@@ -50,6 +50,8 @@ CLOSE_REPLACED = 4409
 Nanoseconds = Annotated[int, msgspec.Meta(ge=0, description="since the Unix epoch, UTC")]
 Bands = Annotated[int, msgspec.Meta(ge=1, le=8)]
 Vector3 = tuple[float, float, float]
+StreamState = Literal["starting", "running", "stalled", "ended", "failed", "stopped"]
+"""State of a stream's source."""
 
 
 class Message(msgspec.Struct, kw_only=True, tag_field="type"):
@@ -148,8 +150,10 @@ class StreamStatus(Message, tag="status", kw_only=True):
 
     stream: str
     session: str
-    state: Literal["starting", "running", "stalled", "ended", "failed", "stopped"]
+    state: StreamState
     fps: float = 0.0
+    interval_seconds: float = 0.0
+    """Time between the source's frames, as far as it knows; 0 where it does not."""
     frames_in: int = 0
     frames_published: int = 0
     frames_skipped: int = 0
@@ -174,7 +178,7 @@ class StreamInfo(msgspec.Struct, kw_only=True):
     mapping: str
     bands: int
     units: Units
-    state: str
+    state: StreamState
     convention: Convention = "lightwell"
     backdrop: bool = False
 
@@ -208,7 +212,10 @@ class Heartbeat(Message, tag="heartbeat", kw_only=True):
 
 
 class Subscribe(Message, tag="subscribe", kw_only=True):
-    """Change a subscription; what is left out stays as it is."""
+    """Change a subscription; what is left out stays as it is.
+
+    So ``max_fps`` can be changed and not be taken away: for frames without a limit, connect again.
+    """
 
     bands: Bands | None = None
     max_fps: float | None = None

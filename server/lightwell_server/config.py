@@ -77,8 +77,12 @@ class SupervisorSettings(Settings):
     startup_seconds: float = Field(
         60.0, gt=0, description="time a new process has for its first frame (it compiles kernels), seconds"
     )
-    stale_seconds: float = Field(5.0, gt=0, description="a stream without a frame for longer is stale, seconds")
-    watchdog_seconds: float = Field(15.0, gt=0, description="age of the last frame at which to restart, seconds")
+    stale_seconds: float = Field(
+        5.0, gt=0, description="a stream without a frame for longer (and for three of its intervals) is stale, seconds"
+    )
+    watchdog_seconds: float = Field(
+        15.0, gt=0, description="age of the last frame (at least three intervals) at which to restart, seconds"
+    )
     backoff_first_seconds: float = Field(0.25, gt=0, description="pause before the first restart, seconds")
     backoff_longest_seconds: float = Field(30.0, gt=0, description="pauses double up to this, seconds")
     stop_seconds: float = Field(5.0, gt=0, description="time a process has to end before it is killed, seconds")

@@ -30,6 +30,7 @@ from lightwell.wire import (
     Message,
     Missed,
     StreamInfo,
+    StreamState,
     StreamStatus,
     Subscribe,
     encode,
@@ -43,7 +44,8 @@ Cause = Literal["stalled", "queue-full", "deleted", "shutdown"]
 RESTART_KEYS = ("source", "mapping")
 """Settings that a running worker cannot change."""
 
-State = Literal["starting", "running", "stalled", "ended", "failed", "stopped"]
+SILENT_INTERVALS = 3
+"""A slow source is late when it gives no frame for so many of its intervals."""
 
 
 @dataclass(frozen=True)
@@ -229,7 +231,7 @@ class Channel:
     _seq: int = -1
 
     @property
-    def state(self) -> State:
+    def state(self) -> StreamState:
         """State of the source, as the worker said it or as its absence shows."""
         if self.publisher is None:
             if self.status is not None and self.status.state in ("ended", "failed"):
@@ -238,6 +240,11 @@ class Channel:
         if self.status is None or self.status.session != self.publisher.session:
             return "starting" if self.latest is None else "running"
         return self.status.state
+
+    def patience_seconds(self, limit_seconds: float) -> float:
+        """Return how long a frame may be awaited: the limit, and longer where the source itself is slower."""
+        interval_seconds = self.status.interval_seconds if self.status else 0.0
+        return max(limit_seconds, SILENT_INTERVALS * interval_seconds)
 
     def info(self) -> StreamInfo:
         """Return what a subscriber learns about the stream."""

@@ -212,7 +212,7 @@ class Supervisor:
             return None
         now = time.monotonic()
         if worker.state is WorkerState.RUNNING and channel.latest_at is not None:
-            age, limit = now - channel.latest_at, self._settings.watchdog_seconds
+            age, limit = now - channel.latest_at, channel.patience_seconds(self._settings.watchdog_seconds)
         else:
             age, limit = now - started, self._settings.startup_seconds
         if age <= limit:

@@ -32,6 +32,15 @@ def test_alive_is_not_ready(tmp_path: Path) -> None:
             wait_until(lambda: ready(url) == (200, []))
 
 
+def test_a_slow_source_is_not_stale(tmp_path: Path) -> None:
+    streams = {"probe": {"source": "exr:x?fps=0.05"}}
+    with running_server(tmp_path, streams=streams, supervisor={"stale_seconds": 0.1}) as url, Publisher(url) as worker:
+        worker.send(make_status(interval_seconds=20.0))
+        worker.publish()
+        wait_until(lambda: (httpx.get(f"{url}/api/v1/streams/probe").json()["last_frame_age_seconds"] or 0.0) > 0.2)
+        assert ready(url) == (200, [])
+
+
 def test_a_full_disk_is_a_reason(tmp_path: Path) -> None:
     with running_server(tmp_path, server={"min_free_mb": 10**9}) as url:
         status, (reason,) = ready(url)

@@ -274,6 +274,14 @@ def test_the_state_follows_worker_and_status(hub: Hub, channel: Channel) -> None
     assert (status.state, status.last_error) == ("stalled", "the ingest worker is not connected")
 
 
+def test_a_slow_source_is_given_time_for_three_of_its_frames(channel: Channel) -> None:
+    assert channel.patience_seconds(5.0) == 5.0
+    channel.publish_status(make_status(interval_seconds=1.0))
+    assert channel.patience_seconds(5.0) == 5.0
+    channel.publish_status(make_status(interval_seconds=20.0))
+    assert channel.patience_seconds(5.0) == 60.0
+
+
 def test_an_ended_source_stays_ended(channel: Channel) -> None:
     publisher = make_publisher()
     channel.attach(publisher)

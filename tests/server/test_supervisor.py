@@ -144,6 +144,14 @@ def test_a_worker_without_frames_is_started_anew(tmp_path: Path) -> None:
         assert api.worker()["last_error"].startswith("no frame for ")
 
 
+def test_a_slow_source_is_not_taken_for_a_dead_one(tmp_path: Path) -> None:
+    slow, hasty = ROOM | {"source": "synthetic:room?fps=1"}, SUPERVISOR | {"watchdog_seconds": 0.3}
+    with running_server(tmp_path, supervisor=hasty, streams={"room": slow}) as url, LightStream("room", url) as light:
+        session = light.next(60).session
+        assert [light.next(60).session for _ in range(2)] == [session, session]
+        assert Api(url).worker()["restarts"] == 0
+
+
 def test_a_source_that_ends_is_left_alone(tmp_path: Path) -> None:
     short = ROOM | {"source": "synthetic:room?fps=30&frames=10"}
     with running_server(tmp_path, supervisor=SUPERVISOR, streams={"room": short}) as url:

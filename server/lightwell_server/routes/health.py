@@ -61,7 +61,7 @@ def _stale(parts: Services) -> list[str]:
             continue
         if channel.latest_at is None:
             reasons.append(f"stream {channel.name}: no frame yet ({channel.state})")
-        elif now - channel.latest_at > limit:
+        elif now - channel.latest_at > channel.patience_seconds(limit):
             reasons.append(f"stream {channel.name}: last frame {now - channel.latest_at:.1f} s ago ({channel.state})")
     return reasons
 

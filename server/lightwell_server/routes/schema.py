@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from lightwell.conventions import Convention, Units
 from lightwell.settings import StreamName, StreamSettings
+from lightwell.wire import StreamState
 from lightwell_server.catalogue import Entry, Origin
 from lightwell_server.hub import Channel
 from lightwell_server.masking import mask
@@ -32,7 +33,7 @@ class StreamDescription(BaseModel):
     origin: Origin = Field(description="file: lightwell.toml; api: kept in the data directory; worker: announced")
     revision: int = Field(description="counts changes through the API; the ETag names it")
     settings: StreamSettings
-    state: Literal["starting", "running", "stalled", "ended", "failed", "stopped"]
+    state: StreamState
     session: str | None = Field(None, description="names one run of the worker; null where none is connected")
     subscribers: int
     fps: float = Field(description="frames per second, as the worker measures it")

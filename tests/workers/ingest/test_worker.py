@@ -72,6 +72,7 @@ def test_recording_is_delivered_whole_and_the_worker_ends(tmp_path: Path) -> Non
     assert len({frame.session for frame in server.frames}) == 1
     assert statuses[-1]["state"] == "ended"
     assert statuses[-1]["frames_published"] == 40
+    assert statuses[-1]["interval_seconds"] > 0
     assert set(statuses[-1]["stage_ms"]) == {
         *("source", "merge", "map", "downsample", "project", "window", "filter", "publish")
     }

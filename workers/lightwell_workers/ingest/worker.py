@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from types import FrameType
-from typing import Literal
 from uuid import uuid4
 
 from pydantic import ValidationError
@@ -20,7 +19,7 @@ from pydantic import ValidationError
 from lightwell._version import __version__
 from lightwell.errors import LightwellError, SourceError
 from lightwell.settings import StreamSettings
-from lightwell.wire import Announce, Frame, StreamStatus
+from lightwell.wire import Announce, Frame, StreamState, StreamStatus
 from lightwell_workers.ingest.log import stage_logger
 from lightwell_workers.ingest.pipeline import Pipeline
 from lightwell_workers.ingest.publisher import Publisher, publish_url
@@ -36,8 +35,6 @@ RATE_SECONDS = 2.0
 """Span over which the frame rate is counted."""
 FAREWELL_SECONDS = 2.0
 """How long a live worker that ends waits for its last messages to be delivered."""
-
-State = Literal["starting", "running", "stalled", "ended", "failed", "stopped"]
 
 log = stage_logger("worker")
 
@@ -96,7 +93,7 @@ class _Worker:
         self._stream = stream
         self._session = uuid4().hex
         self._on_status = on_status
-        self._state: State = "starting"
+        self._state: StreamState = "starting"
         self._error = ""
         self._wake = threading.Event()
         self._stop_asked = False
@@ -193,14 +190,14 @@ class _Worker:
         self._stop_asked = True
         self._wake.set()
 
-    def _running_state(self) -> State:
+    def _running_state(self) -> StreamState:
         if self._pipeline is None or self._source is None or self._pipeline.counters.frames_finished == 0:
             return "starting"
         age_seconds = (time.time_ns() - self._pipeline.counters.last_frame_time_ns) / 1e9
         patience_seconds = max(STALLED_SECONDS, STALLED_INTERVALS * self._source.interval_seconds)
         return "stalled" if age_seconds > patience_seconds else "running"
 
-    def _change_state(self, state: State, error: str = "") -> None:
+    def _change_state(self, state: StreamState, error: str = "") -> None:
         if state != self._state:
             log.info("state", state=state)
         self._state = state
@@ -219,6 +216,7 @@ class _Worker:
             session=self._session,
             state=self._state,
             fps=self._rate(),
+            interval_seconds=0.0 if self._source is None else self._source.interval_seconds,
             frames_published=self._publisher.published,
             frames_dropped=self._publisher.overtaken,
             reconnects=self._publisher.reconnects,
