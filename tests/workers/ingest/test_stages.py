@@ -26,7 +26,7 @@ from lightwell_workers.ingest.frame import Frame
 from lightwell_workers.ingest.sources import open_source
 from lightwell_workers.ingest.stages.backdrop import LOG_CAP, LOG_K, BackdropStage, encode_log_jpeg, turn
 from lightwell_workers.ingest.stages.finish import Finisher
-from lightwell_workers.ingest.stages.map import PERSISTENT_FRAMES, SizeGate, make_geometry
+from lightwell_workers.ingest.stages.map import RECENT_FRAMES, SizeGate, make_geometry
 from lightwell_workers.ingest.stages.reduce import Reduced, reduce_frame
 from lightwell_workers.ingest.stages.timing import StageAverages
 
@@ -46,26 +46,44 @@ def reduced(one: Frame, **changes: object) -> Reduced:
     return reduce_frame(one, settings(**changes))
 
 
-def test_one_frame_of_another_size_is_refused_and_a_lasting_one_adopted() -> None:
+SMALL, LARGE, OTHER = (8, 16), (16, 32), (4, 8)
+
+
+def passes(gate: SizeGate, sizes: list[tuple[int, int]]) -> list[bool]:
+    return [gate.refusal(frame(*size)) is None for size in sizes]
+
+
+def test_one_frame_of_another_size_is_refused() -> None:
     gate = SizeGate()
-    assert gate.refusal(frame(16, 32)) is None
-    error = gate.refusal(frame(8, 16, name="small"))
+    assert all(passes(gate, [LARGE] * 3))
+    error = gate.refusal(frame(*SMALL, name="small"))
     assert error is not None
     assert str(error) == "small: is 16×8, the stream's frames are 32×16"
-    assert gate.refusal(frame(16, 32)) is None
-    refusals = [gate.refusal(frame(8, 16)) for _ in range(PERSISTENT_FRAMES)]
-    assert all(refusals[:-1])
-    assert refusals[-1] is None
-    assert gate.size == (8, 16)
-    assert gate.refusal(frame(16, 32)) is not None
+    assert all(passes(gate, [LARGE] * 20))
 
 
-def test_sizes_that_take_turns_never_persist() -> None:
+def test_a_size_that_lasts_is_adopted_when_most_recent_frames_have_it() -> None:
     gate = SizeGate()
-    gate.refusal(frame(16, 32))
-    for _ in range(PERSISTENT_FRAMES):
-        assert gate.refusal(frame(8, 16)) is not None
-        assert gate.refusal(frame(4, 8)) is not None
+    passes(gate, [LARGE] * 20)
+    assert passes(gate, [SMALL] * 20) == [False] * (RECENT_FRAMES // 2) + [True] * (20 - RECENT_FRAMES // 2)
+    assert gate.size == SMALL
+
+
+@pytest.mark.parametrize("lap", [[SMALL] + [LARGE] * 8, [LARGE] * 3 + [SMALL] + [LARGE] * 5])
+def test_one_odd_frame_in_a_short_loop_is_all_that_is_lost(lap: list[tuple[int, int]]) -> None:
+    gate = SizeGate()
+    passes(gate, lap)
+    assert passes(gate, lap * 5) == [size == LARGE for size in lap * 5]
+
+
+def test_an_odd_first_frame_costs_one_good_frame() -> None:
+    assert passes(SizeGate(), [SMALL] + [LARGE] * 8) == [True, False] + [True] * 7
+
+
+def test_sizes_that_take_turns_never_win() -> None:
+    gate = SizeGate()
+    passes(gate, [LARGE] * 3)
+    assert not any(passes(gate, [SMALL, OTHER] * RECENT_FRAMES))
 
 
 def test_tables_are_kept_by_what_they_depend_on() -> None:

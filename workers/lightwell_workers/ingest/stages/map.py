@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,8 +15,8 @@ from lightwell.probe.projection import Projector, projector
 from lightwell.settings import StreamSettings
 from lightwell_workers.ingest.frame import Frame
 
-PERSISTENT_FRAMES = 10
-"""Frames in a row of one new size after which the stream changes to it."""
+RECENT_FRAMES = 10
+"""Frames whose majority decides on the size of the stream's pictures."""
 
 KEPT = 4
 """Mappings and downsamplers that are kept: those before and after a change of settings or size."""
@@ -61,27 +62,23 @@ def make_geometry(settings: StreamSettings, height: int, width: int) -> Geometry
 
 
 class SizeGate:
-    """Refuses single frames of another size; lets the stream change to a size that persists."""
+    """Refuses single frames of another size; the size of the stream's pictures is that of most recent frames."""
 
     def __init__(self) -> None:
         self.size: tuple[int, int] | None = None
         """Height and width of the stream's pictures; None before the first."""
-        self._other: tuple[int, int] | None = None
-        self._others_in_a_row = 0
+        self._recent: deque[tuple[int, int]] = deque(maxlen=RECENT_FRAMES)
 
     def refusal(self, frame: Frame) -> FrameError | None:
         """Return why a frame is to be skipped; None where it has the stream's size.
 
-        The first frame sets the size; another one becomes it after ``PERSISTENT_FRAMES`` in a row.
+        The first frame sets the size. Another one becomes it once more than half of the last ``RECENT_FRAMES`` frames
+        have it: after six of them in a stream that runs, but after two where only the first frame was of another size.
         """
         height, width, _ = frame.pixels.shape
-        if self.size is None or (height, width) == self.size:
+        self._recent.append((height, width))
+        if self.size is None or 2 * self._recent.count((height, width)) > len(self._recent):
             self.size = height, width
-            self._other, self._others_in_a_row = None, 0
-            return None
-        self._others_in_a_row = self._others_in_a_row + 1 if (height, width) == self._other else 1
-        self._other = height, width
-        if self._others_in_a_row >= PERSISTENT_FRAMES:
-            self.size = height, width
+        if (height, width) == self.size:
             return None
         return FrameError(frame.name, f"is {width}×{height}, the stream's frames are {self.size[1]}×{self.size[0]}")
