@@ -18,6 +18,7 @@ from lightwell_server.auth import Auth
 from lightwell_server.body_limit import BodyLimit
 from lightwell_server.catalogue import Catalogue
 from lightwell_server.config import Config
+from lightwell_server.head import HeadAsGet
 from lightwell_server.hub import Hub
 from lightwell_server.metrics import Metrics
 from lightwell_server.routes import health, live, page, publish, streams
@@ -65,9 +66,10 @@ def create_app(config: Config, server_url: str, page_directory: Path | None = No
     )
     app.add_middleware(BodyLimit, limit=config.server.max_body_kb * 1024)
     problems.install(app)
-    app.include_router(health.router)
-    for router in (streams.router, live.router, publish.router):
+    app.add_middleware(HeadAsGet)
+    for router in (health.router, streams.router, live.router, publish.router):
         app.include_router(router, prefix=API)
+    app.include_router(health.router, include_in_schema=False)  # where probes and Prometheus look by custom
     page.install(app, page_directory or page.static_directory())
     return app
 

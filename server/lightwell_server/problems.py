@@ -17,10 +17,13 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
 from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
+from starlette.routing import Match, Mount
 
 from lightwell_server.config import complaint
 
 MEDIA_TYPE = "application/problem+json"
+METHODS = ("GET", "POST", "PATCH", "DELETE")
+"""Those that any route takes; HEAD goes with GET."""
 
 log = structlog.get_logger("http")
 
@@ -95,6 +98,24 @@ def respond(problem: Problem, instance: str | None = None) -> JSONResponse:
     )
 
 
+def _is_websocket(request: Request) -> bool:
+    """Return whether a WebSocket is served at the request's path."""
+    return _matches(request, type="websocket")
+
+
+def _allowed_methods(request: Request) -> str:
+    """Return the methods that the routes of the request's path take; the page's files are there for the others."""
+    methods = [method for method in METHODS if _matches(request, method=method)] or ["GET"]
+    return ", ".join(methods).replace("GET", "GET, HEAD")
+
+
+def _matches(request: Request, **changes: str) -> bool:
+    """Return whether a route, not a mounted folder, would serve the request with these changes of its scope."""
+    scope = {**request.scope, **changes}
+    routes = (route for route in request.app.routes if not isinstance(route, Mount))
+    return any(route.matches(scope)[0] is Match.FULL for route in routes)
+
+
 def install(app: FastAPI) -> None:
     """Make every error of the application a problem document."""
 
@@ -104,16 +125,22 @@ def install(app: FastAPI) -> None:
 
     async def on_http(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
-        match error.status_code:
+        status, headers = error.status_code, dict(error.headers or {})
+        match status:
+            case 404 | 405 if _is_websocket(request):
+                status, headers = 426, {"Upgrade": "websocket", "Connection": "Upgrade"}
+                kind, detail = "websocket-only", "this is a WebSocket: connect to it with ws:// or wss://"
             case 404:
                 kind, detail = "not-found", f"there is nothing at {request.url.path}"
             case 405:
-                allowed = (error.headers or {}).get("Allow", "GET, HEAD")
-                kind, detail = "method-not-allowed", f"{request.method} is not possible here; allowed: {allowed}"
+                headers = {"Allow": _allowed_methods(request)}
+                kind, detail = (
+                    "method-not-allowed",
+                    f"{request.method} is not possible here; allowed: {headers['Allow']}",
+                )
             case _:
                 kind, detail = "http", str(error.detail)
-        headers = dict(error.headers) if error.headers else None
-        return respond(Problem(error.status_code, kind, detail, headers=headers), request.url.path)
+        return respond(Problem(status, kind, detail, headers=headers), request.url.path)
 
     async def on_invalid(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)

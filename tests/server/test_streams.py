@@ -203,7 +203,7 @@ def test_every_error_is_a_problem_document(api: httpx.Client, server: str) -> No
     problem(api.get("/nothing"), 404, "not-found")
     problem(httpx.get(f"{server}/nothing.html"), 404, "not-found")
     document = problem(api.put("/streams", json={}), 405, "method-not-allowed")
-    assert "allowed: GET" in document["detail"]
+    assert "allowed: GET, HEAD, POST" in document["detail"]
     bad = api.post("/streams", content=b"{", headers={"Content-Type": "application/json"})
     assert "no valid JSON" in problem(bad, 400, "invalid-json")["detail"]
     large = {"name": "x", "settings": {"source": "y" * 300_000}}
@@ -220,9 +220,9 @@ def test_openapi_describes_every_route(api: httpx.Client) -> None:
     document = api.get("/openapi.json").json()
     methods = {(path, method) for path, item in document["paths"].items() for method in item}
     assert methods == {
-        ("/healthz", "get"),
-        ("/readyz", "get"),
-        ("/metrics", "get"),
+        ("/api/v1/healthz", "get"),
+        ("/api/v1/readyz", "get"),
+        ("/api/v1/metrics", "get"),
         ("/api/v1/streams", "get"),
         ("/api/v1/streams", "post"),
         ("/api/v1/streams/{name}", "get"),
