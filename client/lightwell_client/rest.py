@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.conventions import Convention, Units
+from lightwell.loopback import is_loopback
 from lightwell.wire import DominantLight, Quality
 from lightwell_client.errors import ConnectionLostError, ProblemError
 from lightwell_client.stream import DEFAULT_SERVER
@@ -128,7 +129,8 @@ class Lightwell:
 
     def __init__(self, server: str = DEFAULT_SERVER, *, token: str | None = None, timeout: float = 10.0) -> None:
         headers = {"Authorization": f"Bearer {token}"} if token else {}
-        self._client = httpx.Client(base_url=server, headers=headers, timeout=timeout)
+        trust_env = not is_loopback(server)  # its proxies cannot reach this machine
+        self._client = httpx.Client(base_url=server, headers=headers, timeout=timeout, trust_env=trust_env)
 
     def __enter__(self) -> Self:
         return self

@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from lightwell.conventions import Convention
+from lightwell.loopback import is_loopback
 from lightwell.wire import (
     CLOSE_NOT_FOUND,
     HEARTBEAT_SECONDS,
@@ -61,7 +62,8 @@ class AsyncLightStream:
     stream
         Name of the stream.
     server
-        URL of the server, ``http://…`` or ``https://…``.
+        URL of the server, ``http://…`` or ``https://…``. Proxies that the environment names are used, but not for a
+        server on this machine.
     bands, convention, max_fps
         What the server shall send: at most this many bands, in this convention, at most so often.
     newest
@@ -240,6 +242,7 @@ class AsyncLightStream:
             f"{self._url}?{urlencode(wishes)}",
             subprotocols=[Subprotocol(SUBPROTOCOL)],
             additional_headers=self._headers,
+            proxy=None if is_loopback(self._url) else True,
             compression=None,
             open_timeout=OPEN_TIMEOUT_SECONDS,
             close_timeout=1.0,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.proxies import set_dead_proxies
 from tests.support.publisher import Publisher
 from tests.support.server import running_server, wait_until
 
@@ -52,6 +53,14 @@ def test_problems_are_raised_with_all_they_say(lightwell: tuple[str, Lightwell])
         client.create("hall", {"source": "exr:x", "bands": 99})
     assert (invalid.value.status, invalid.value.kind) == (422, "urn:lightwell:problem:invalid-input")
     assert invalid.value.errors == [{"field": "settings.bands", "message": "99: must be less than or equal to 8"}]
+
+
+def test_no_proxy_stands_before_a_server_on_this_machine(
+    lightwell: tuple[str, Lightwell], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    set_dead_proxies(monkeypatch)
+    with Lightwell(lightwell[0]) as client:
+        assert client.is_alive()
 
 
 def test_health(lightwell: tuple[str, Lightwell]) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.support.proxies import set_dead_proxies
 from tests.support.publisher import Publisher, make_backdrop, make_status
 from tests.support.server import running_server, wait_until
 
@@ -56,6 +57,14 @@ async def test_frames_come_in_the_form_that_was_asked_for(server: str) -> None:
                 worker.publish()
                 changed = await light.next(10)
             assert changed.convention == "unity"
+
+
+async def test_no_proxy_stands_before_a_server_on_this_machine(server: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Publisher(server, "direct") as worker:
+        worker.publish()
+        set_dead_proxies(monkeypatch)
+        async with AsyncLightStream("direct", server, reconnect=False) as light:
+            assert (await light.next(10)).seq == 0
 
 
 async def test_a_program_that_is_slow_gets_the_newest(server: str) -> None:

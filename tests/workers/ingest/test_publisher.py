@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 from tests.support import messages
+from tests.support.proxies import set_dead_proxies
 from tests.support.publish_server import PublishServer
 from websockets.asyncio.client import ClientConnection
 
@@ -104,6 +105,13 @@ def test_token_goes_along() -> None:
     with PublishServer(token="secret") as server, publishing(server.url, token="secret") as publisher:
         publisher.publish(messages.frame())
         server.wait_for(lambda s: len(s.frames) == 1)
+
+
+def test_no_proxy_stands_before_a_server_on_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    set_dead_proxies(monkeypatch)
+    with PublishServer() as server, publishing(server.url) as publisher:
+        publisher.publish(messages.frame())
+        server.wait_for(lambda s: len(s.frames) == 1, timeout=10)
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 from websockets.typing import Subprotocol
 
 from lightwell.errors import SourceError
+from lightwell.loopback import is_loopback
 from lightwell.wire import (
     CLOSE_NOT_FOUND,
     CLOSE_POLICY,
@@ -236,6 +237,7 @@ class Publisher:
             self._url,
             subprotocols=[Subprotocol(SUBPROTOCOL)],
             additional_headers=self._headers,
+            proxy=None if is_loopback(self._url) else True,
             compression=None,
             open_timeout=OPEN_TIMEOUT_SECONDS,
             close_timeout=OPEN_TIMEOUT_SECONDS,
