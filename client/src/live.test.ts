@@ -1,9 +1,15 @@
-import { describe, expect, it } from "vitest";
+import { encode } from "@msgpack/msgpack";
+import { afterEach, describe, expect, it, vi } from "vitest";
 
-import { ClockOffset } from "./clock.ts";
-import { explain, liveUrl } from "./live.ts";
+import { ClockOffset, nowMs } from "./clock.ts";
+import { explain, LiveStream, liveUrl } from "./live.ts";
 import { History, Rate } from "./rate.ts";
 import { CLOSE_NOT_FOUND, CLOSE_UNAUTHORIZED } from "./wire.ts";
+
+afterEach(() => {
+  vi.restoreAllMocks();
+  vi.unstubAllGlobals();
+});
 
 describe("address of a subscription", () => {
   it("stays beside the page, under any path and over TLS", () => {
@@ -25,6 +31,53 @@ describe("closes", () => {
   });
 });
 
+describe("following another stream", () => {
+  class Socket {
+    static newest: Socket;
+    onmessage: (event: { data: Uint8Array }) => void = () => undefined;
+
+    constructor() {
+      Socket.newest = this;
+    }
+
+    close(): void {}
+  }
+
+  it("forgets the rate and the age of the one before", () => {
+    vi.stubGlobal("WebSocket", Socket);
+    const live = new LiveStream("http://127.0.0.1:8400/");
+    live.follow("room");
+    const frame = { type: "frame", capture_time_ns: 0, coefficients: new Uint8Array(12) };
+    for (let i = 0; i < 10; i++) Socket.newest.onmessage({ data: encode(frame) });
+    const timeMs = nowMs();
+    expect(live.frames.perSecond(timeMs)).toBeGreaterThan(0);
+
+    live.follow("hall");
+    expect(live.frames.perSecond(timeMs)).toBe(0);
+    expect(live.silentSeconds(timeMs + 1000)).toBe(0);
+    expect(live.latencies.all()).toEqual([]);
+  });
+});
+
+describe("time", () => {
+  it("follows this machine's clock through sleep and corrections, and adds the timer's fraction", () => {
+    const timer = vi.spyOn(performance, "now").mockReturnValue(1000.25);
+    const clock = vi.spyOn(Date, "now").mockReturnValue(1_700_000_000_000);
+    const before = nowMs();
+    expect(before - 1_700_000_000_000).toBeGreaterThanOrEqual(0);
+    expect(before - 1_700_000_000_000).toBeLessThanOrEqual(1);
+
+    timer.mockReturnValue(1000.75);
+    clock.mockReturnValue(Math.floor(before + 0.5));
+    expect(nowMs()).toBeCloseTo(before + 0.5, 3);
+
+    for (const setTo of [1_700_003_600_000, 1_699_999_999_000]) {
+      clock.mockReturnValue(setTo);
+      expect(Math.abs(nowMs() - setTo)).toBeLessThanOrEqual(1);
+    }
+  });
+});
+
 describe("clock", () => {
   it("is one clock on this machine", () => {
     const clock = new ClockOffset("127.0.0.1");
@@ -41,6 +94,13 @@ describe("clock", () => {
     }
     expect(clock.ms).toBe(104);
     expect(clock.label).toContain("104 ms");
+  });
+
+  it("lets go of an offset that a corrected clock has made wrong", () => {
+    const clock = new ClockOffset("elsewhere");
+    clock.observe(0, 100);
+    clock.observe(3_600_000 * 1e6, 3_600_250);
+    expect(clock.ms).toBe(250);
   });
 });
 

@@ -97,6 +97,8 @@ export class LiveStream {
     this.missed = 0;
     this.problem = "";
     this.latencies.clear();
+    this.frames.clear();
+    this.lastFrameMs = 0;
     this.connect();
   }
 

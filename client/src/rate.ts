@@ -2,7 +2,7 @@
 
 /** Counts events and tells their rate over the last `windowMs`. */
 export class Rate {
-  private readonly times: number[] = [];
+  private times: number[] = [];
   private firstMs: number | null = null;
 
   constructor(private readonly windowMs = 2000) {}
@@ -18,6 +18,11 @@ export class Rate {
     // In the first moments the span is what has passed, but never so short that one event looks like a storm.
     const span = Math.min(this.windowMs, Math.max(timeMs - (this.firstMs ?? timeMs), 500));
     return (1000 * this.times.length) / span;
+  }
+
+  clear(): void {
+    this.times = [];
+    this.firstMs = null;
   }
 
   private forget(timeMs: number): void {
