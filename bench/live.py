@@ -44,7 +44,7 @@ WARM_UP = 20
 
 def run() -> list[Row]:
     """Play each recording as fast as possible through a whole worker to a sink in another process."""
-    configure_logging(json=True, level=logging.ERROR)
+    configure_logging("bench", json=True, level=logging.ERROR)
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as scratch:
         for width, height in SIZES:

@@ -153,7 +153,7 @@ def ingest(
     def print_status(status: StreamStatus) -> None:
         print(msgspec.json.encode(status).decode(), file=output, flush=True)
 
-    configure_logging(json=json)
+    configure_logging(stream, json=json)
     chosen = stream_settings(settings, changes)
     sys.exit(run_worker(chosen, stream, server, token, on_status=print_status if json else None))
 

@@ -76,6 +76,7 @@ def test_recording_is_delivered_whole_and_the_worker_ends(tmp_path: Path) -> Non
     assert set(statuses[-1]["stage_ms"]) == {
         *("source", "merge", "map", "downsample", "project", "window", "filter", "publish")
     }
+    assert {entry["stream"] for entry in log} == {"test"}
     assert log[-1]["event"] == "ended"
     assert log[-1]["frames_in"] == 40
 
@@ -138,9 +139,12 @@ def test_worker_killed_outright_is_replaced_by_one_with_another_session() -> Non
 def test_refused_worker_ends_with_the_reason() -> None:
     with PublishServer(token="secret", close_code=CLOSE_UNAUTHORIZED) as server:
         with worker(server, "synthetic:room", "--token", "wrong") as process:
-            code, _, log = finish(process)
+            code, statuses, log = finish(process)
         assert code == 3
         assert "the token is wrong" in [entry.get("reason") for entry in log]
+        assert {entry["stream"] for entry in log} == {"test"}
+        assert log[-1]["event"] == statuses[-1]["state"] == "failed"
+        assert "ended" not in [status["state"] for status in statuses]
         with worker(server, "synthetic:room?width=64", LIGHTWELL_TOKEN="secret"):
             server.wait_for(running)
 

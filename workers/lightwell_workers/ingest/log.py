@@ -8,11 +8,15 @@ import sys
 import structlog
 
 
-def configure_logging(*, json: bool, level: int = logging.INFO) -> None:
+def configure_logging(stream: str, *, json: bool, level: int = logging.INFO) -> None:
     """Log to standard error, as JSON lines or as text for people; call once, at the start of the process.
 
-    The logger's name is the stage.
+    Every line names the ``stream``, whichever thread writes it: a server's workers share one log.
     """
+
+    def name_stream(_logger: object, _method: str, event: structlog.typing.EventDict) -> structlog.typing.EventDict:
+        return {"stream": stream, **event}
+
     renderers: list[structlog.typing.Processor] = (
         [structlog.processors.format_exc_info, structlog.processors.JSONRenderer()]
         if json
@@ -20,7 +24,7 @@ def configure_logging(*, json: bool, level: int = logging.INFO) -> None:
     )
     structlog.configure(
         processors=[
-            structlog.contextvars.merge_contextvars,
+            name_stream,
             structlog.processors.add_log_level,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             *renderers,

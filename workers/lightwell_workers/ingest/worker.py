@@ -131,7 +131,7 @@ class _Worker:
 
         capturing = threading.Thread(target=capture, name="capture", daemon=True)
         with _on_termination(self._stop):
-            log.info("started", stream=self._stream, source=self._settings.source, session=self._session)
+            log.info("started", source=self._settings.source, session=self._session)
             self._publisher.start()
             self._report()
             capturing.start()
@@ -152,11 +152,12 @@ class _Worker:
             log.error("failed", reason=str(failure), exc_info=not isinstance(failure, LightwellError) and failure)
             self._change_state("failed", str(failure))
             exit_status = ExitStatus.FAILED
-        else:
+        elif not self._publisher.refused:
             self._change_state("stopped" if self._stop_asked else "ended")
         patient = not source.is_live and self._state == "ended"
         delivered = self._deliver(None if patient else FAREWELL_SECONDS)
         if self._publisher.refused:
+            self._change_state("failed", self._publisher.refused)
             exit_status = ExitStatus.REFUSED
         elif not delivered and self._state == "ended":
             exit_status = ExitStatus.FAILED
