@@ -14,6 +14,7 @@ import structlog
 from pydantic import JsonValue, ValidationError
 
 from lightwell.settings import StreamSettings
+from lightwell_server.feasible import require_feasible
 from lightwell_server.hub import RESTART_KEYS, Channel, Hub
 from lightwell_server.masking import mask, unmask
 from lightwell_server.problems import Problem, invalid_input
@@ -104,7 +105,12 @@ class Catalogue:
         return channel
 
     async def create(self, name: str, settings: StreamSettings) -> Entry:
-        """Add a stream and keep it; raises the 409 problem where the name is taken."""
+        """Add a stream and keep it.
+
+        Raises the 409 problem where the name is taken, 422 where the settings can never work, 507 where they cannot
+        be kept.
+        """
+        await asyncio.to_thread(require_feasible, settings, "settings.")
         async with self._lock:
             if name in self._entries:
                 raise Problem(
@@ -125,7 +131,7 @@ class Catalogue:
         ------
         Problem
             404 where there is no such stream, 412 where ``if_match`` names another version, 422 where the result is
-            not valid: nothing is changed then.
+            not valid or can never work, 507 where it cannot be kept: nothing is changed then.
         """
         async with self._lock:
             entry = self.entry(name)
@@ -138,6 +144,7 @@ class Catalogue:
                 settings = StreamSettings.model_validate(merged)
             except ValidationError as error:
                 raise invalid_input(error.errors()) from None
+            await asyncio.to_thread(require_feasible, settings)
             changed = Entry(name, settings, Origin.API, entry.revision + 1)
             await self._keep(changed)
             channel = self._hub.open(name, settings)
