@@ -2,8 +2,8 @@
 
 Scopes: ``read`` follows streams, ``publish`` sends them, ``admin`` changes them; each includes those before it.
 
-* A scope without tokens of its own (and of none above it, for reading) is open: ``read`` to everybody, ``publish`` and
-  ``admin`` to this machine only.
+* A scope without tokens of its own is open, whatever the others have: ``read`` to everybody, ``publish`` and ``admin``
+  to this machine only.
 * ``/healthz``, ``/readyz`` and ``/metrics`` need no token: they say how streams do, not what they show.
 * A token that is given must be right, also where none is needed.
 * Tokens come as ``Authorization: Bearer TOKEN``, or as ``?token=TOKEN`` where a browser opens a WebSocket and cannot

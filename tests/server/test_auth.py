@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -136,6 +137,34 @@ def test_without_tokens_only_this_machine_may_publish_and_change(
         with pytest.raises(Problem) as refused:
             auth.require(connection(peer, origin=origin), scope)
         assert refused.value.status == 401
+
+
+@pytest.mark.parametrize(
+    ("guarded_scopes", "here", "elsewhere"),
+    [
+        ("", Scope.ADMIN, Scope.READ),
+        ("read", Scope.ADMIN, Scope.NONE),
+        ("publish", Scope.ADMIN, Scope.READ),
+        ("read publish", Scope.ADMIN, Scope.NONE),
+        ("admin", Scope.PUBLISH, Scope.READ),
+        ("read admin", Scope.PUBLISH, Scope.NONE),
+        ("publish admin", Scope.READ, Scope.READ),
+        ("read publish admin", Scope.NONE, Scope.NONE),
+    ],
+)
+def test_each_scope_is_open_until_it_has_tokens(guarded_scopes: str, here: Scope, elsewhere: Scope) -> None:
+    tokens = {f"{name}_tokens": ["t"] for name in guarded_scopes.split()}
+    auth = Auth(AuthSettings.model_validate(tokens), ServerSettings(host="0.0.0.0"))
+
+    def granted(peer: str) -> Scope:
+        scope = Scope.NONE
+        for wanted in (Scope.READ, Scope.PUBLISH, Scope.ADMIN):
+            with contextlib.suppress(Problem):
+                auth.require(connection(peer), wanted)
+                scope = wanted
+        return scope
+
+    assert (granted("127.0.0.1"), granted("10.0.0.7")) == (here, elsewhere)
 
 
 def test_a_wrong_token_is_refused_even_where_none_is_needed() -> None:
