@@ -60,7 +60,7 @@ class HubSettings(Settings):
 
     heartbeat_seconds: float = Field(2.0, gt=0, le=60, description="pause after which a heartbeat is sent, seconds")
     stall_seconds: float = Field(10.0, gt=0, le=600, description="a send that takes longer is cut off, seconds")
-    control_queue: int = Field(64, ge=1, le=10000, description="events a subscriber may leave untaken before it is cut")
+    control_queue: int = Field(64, ge=4, le=10000, description="events a subscriber may leave untaken before it is cut")
     write_buffer_kb: int = Field(16, ge=1, le=4096, description="bytes buffered in the process per client, kilobytes")
     socket_buffer_kb: int = Field(
         64, ge=4, le=4096, description="bytes buffered in the kernel per client (before it doubles them), kilobytes"
