@@ -89,6 +89,11 @@ class LightStream:
         return self._follower.reconnects
 
     @property
+    def last_error(self) -> str:
+        """Why the last connection ended; empty while there is one."""
+        return self._follower.last_error
+
+    @property
     def info(self) -> StreamInfo | None:
         """Description of the stream, from the last hello."""
         return self._follower.info

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import socket
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -184,7 +183,7 @@ def test_the_stream_outlives_its_server(tmp_path: Path) -> None:
     waiting.start()
     wait_until(lambda: not light.connected)
     with running_server(tmp_path, server=config) as url:
-        time.sleep(0.3)  # the client meets a server that does not know the stream
+        wait_until(lambda: "no stream 'probe'" in light.last_error)
         with Publisher(url, session="s2") as worker:
             worker.publish()
             waiting.join()

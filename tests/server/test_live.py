@@ -106,18 +106,21 @@ def test_heartbeats_come_while_nothing_else_does(shared_server: str, worker: Pub
 
 
 def test_max_fps_thins_without_counting(shared_server: str, worker: Publisher) -> None:
-    light = subscribe(shared_server, worker.stream, "max_fps=5")
+    """One frame in twenty minutes: the first comes, the others wait until the subscriber asks for more."""
+    light = subscribe(shared_server, worker.stream, "max_fps=0.001")
     receive(light)
-    for _ in range(40):
+    url = f"{shared_server}/api/v1/streams/{worker.stream}"
+    for _ in range(20):
         worker.publish()
-        time.sleep(0.01)
+        wait_until(lambda: httpx.get(url).json()["frames_received"] == worker.sent)
+    light.send(encode(Subscribe(max_fps=1000)))
     seqs: list[int] = []
-    while not seqs or seqs[-1] < 39:
+    while not seqs or seqs[-1] < 19:
         message = receive(light)
         assert not isinstance(message, Missed)
         if isinstance(message, Frame):
             seqs.append(message.seq)
-    assert len(seqs) < 20
+    assert seqs == [0, 19]
     light.close()
 
 
