@@ -23,9 +23,9 @@ StreamName = Annotated[str, Field(pattern=STREAM_NAME_PATTERN)]
 
 
 class Settings(BaseModel):
-    """Base: immutable, and an unknown key is an error that names it."""
+    """Base: immutable; an unknown key is an error that names it, and so is a number that is not finite."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class MappingSettings(Settings):

@@ -31,7 +31,11 @@ MAPPINGS: dict[str, tuple[dict[str, Any], int, int]] = {
     "mirror ball": ({"kind": "mirror-ball"}, 120, 100),
     "angular": ({"kind": "angular"}, 100, 100),
     "fisheye 180": ({"kind": "fisheye", "fov_degrees": 180}, 100, 100),
-    "fisheye 220 equisolid": ({"kind": "fisheye", "fov_degrees": 220, "fisheye": "equisolid"}, 100, 130),
+    "fisheye equisolid": (
+        {"kind": "fisheye", "fov_degrees": 240, "fisheye": "equisolid", "disc": (70, 50, 48)},
+        100,
+        130,
+    ),
     "fisheye 360 equisolid": ({"kind": "fisheye", "fov_degrees": 360, "fisheye": "equisolid"}, 100, 100),
     "sphere": (
         {"kind": "mirror-sphere", "sphere_radius_m": 0.0458, "sphere_distance_m": 1.25, "disc": (50, 50, 50)},

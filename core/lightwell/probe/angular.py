@@ -78,6 +78,11 @@ class Equidistant(RadialMapping):
         """Hashable identity."""
         return (*super().key, "equidistant", self.half_field)
 
+    @property
+    def rim_is_weightless(self) -> bool:
+        """True for the whole sphere: there the outline is the one direction straight behind the camera."""
+        return self.half_field >= math.pi
+
     def _angle(self, rho: Floats) -> Floats:
         return self.half_field * rho
 
@@ -147,16 +152,37 @@ def make_fisheye(
     forward: tuple[float, float, float],
     up: tuple[float, float, float],
 ) -> RadialMapping:
-    """Return the fisheye mapping of a lens."""
+    """Return the fisheye mapping of a lens whose field of view is ``fov_degrees`` across the picture's *width*.
+
+    The disc is the image circle. Without one it is as wide as the picture: a picture that is lower than wide cuts the
+    circle off at its top and bottom.
+
+    Raises
+    ------
+    MappingError
+        Where the field of view is out of bounds, or the disc's rim would look further than straight back.
+    """
+    disc = disc if disc is not None else (width / 2, height / 2, width / 2)
+    widths = disc[2] / (width / 2)
+    half_field = _half_field(fov_degrees)
+    if lens == "equidistant":
+        turns = half_field * widths / math.pi
+        disc_degrees = 360 * turns
+    else:
+        turns = math.sin(half_field / 2) * widths
+        disc_degrees = math.degrees(4 * math.asin(min(turns, 1)))
+    if turns > 1 + 1e-9:
+        raise MappingError(
+            f"--fov-degrees {fov_degrees:g} is across the picture's width ({width} pixels); the rim of a disc with a "
+            f"radius of {disc[2]:g} pixels would look further than straight back: correct one of them"
+        )
     lens_class = Equidistant if lens == "equidistant" else Equisolid
-    return lens_class(height, width, fov_degrees, disc, forward, up)
+    return lens_class(height, width, min(disc_degrees, 360), disc, forward, up)
 
 
 def _half_field(fov_degrees: float) -> float:
-    if not 0 < fov_degrees <= 360:
-        raise MappingError(
-            f"--fov-degrees: a fisheye's field of view is between 0 and 360 degrees, not {fov_degrees:g}"
-        )
+    if not 1 <= fov_degrees <= 360:
+        raise MappingError(f"--fov-degrees: a fisheye's field of view is 1 … 360 degrees, not {fov_degrees:g}")
     return math.radians(fov_degrees) / 2
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lightwell.errors import MappingError
-from lightwell.probe.footprint import gauss_footprints
+from lightwell.probe.footprint import centre_footprints
 from lightwell.probe.mapping import Bools, Floats, Mapping, Samples
 
 FACE_AXES = np.array(
@@ -125,5 +125,5 @@ class Cube(Mapping):
         return table
 
     def footprints(self) -> Iterator[Samples]:
-        """Yield Gauss–Legendre samples of every pixel of the six faces."""
-        return gauss_footprints(self, self.coverage())
+        """Yield the centre of every pixel of the six faces, with its exact solid angle."""
+        yield centre_footprints(self, self.coverage(), self.solid_angles())

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from lightwell.conventions import DEFAULT_FORWARD, DEFAULT_UP, world_from_camera
 from lightwell.errors import MappingError
-from lightwell.probe.footprint import gauss_footprints, rim_footprints, sum_solid_angles
+from lightwell.probe.footprint import centre_footprints, gauss_footprints, rim_footprints, sum_solid_angles
 from lightwell.probe.mapping import Bools, Floats, Mapping, Samples
 
 Disc = tuple[float, float, float]
@@ -31,6 +31,11 @@ class RoundMapping(Mapping):
     """
 
     is_round = True
+
+    @property
+    def rim_is_weightless(self) -> bool:
+        """Whether pixels at the outline see next to nothing, so that the background mixed into them does no harm."""
+        return False
 
     def __init__(
         self,
@@ -56,11 +61,16 @@ class RoundMapping(Mapping):
 
     @cached_property
     def _coverage(self) -> Bools:
+        if self.rim_is_weightless:
+            return self.sees(*self.pixel_centres())
         seen = self._corners_seen
         return seen[:-1, :-1] & seen[1:, :-1] & seen[:-1, 1:] & seen[1:, 1:]
 
     def coverage(self) -> Bools:
-        """Return which pixels have all four corners on the probe, ``(H, W)``: outlines are convex."""
+        """Return which pixels are read, ``(H, W)``: those with all four corners on the probe (outlines are convex).
+
+        Where the rim is weightless, those with their centre on the probe.
+        """
         return self._coverage
 
     def _straddling(self) -> Bools:
@@ -101,8 +111,15 @@ class RoundMapping(Mapping):
         """Yield Gauss–Legendre samples of the covered pixels, then those of the pixels that straddle the outline.
 
         The latter go to the nearest covered pixel. Where the picture holds the whole outline they are scaled so that
-        everything makes up the solid angle that the probe shows.
+        everything makes up the solid angle that the probe shows. Where the rim is weightless, every pixel that is
+        read has one sample, its centre.
         """
+        if self.rim_is_weightless:
+            pixel, direction, solid_angle = centre_footprints(self, self._coverage, self.density(*self.pixel_centres()))
+            if self._holds_outline():
+                solid_angle = solid_angle * (self.seen_solid_angle / solid_angle.sum())
+            yield pixel, direction, solid_angle
+            return
         total = 0.0
         for samples in gauss_footprints(self, self._coverage):
             total += float(samples[2].sum())
@@ -167,4 +184,9 @@ def check_disc_is_imaged(mapping: RoundMapping, disc: Disc) -> None:
             f"--disc: the centre ({cx:g}, {cy:g}) lies outside the picture of {mapping.width}×{mapping.height} pixels"
         )
     if radius < 2:
-        raise MappingError(f"--disc: a probe with a radius of {radius:g} pixels is too small to read")
+        raise MappingError(f"the probe's disc has a radius of {radius:g} pixels: too small to read")
+    if radius > 4 * max(mapping.height, mapping.width):
+        raise MappingError(
+            f"the probe's disc has a radius of {radius:g} pixels: far larger than the picture of "
+            f"{mapping.width}×{mapping.height}; check --disc and --fov-degrees"
+        )

@@ -44,7 +44,7 @@ def make_mapping(settings: MappingSettings, height: int, width: int) -> Mapping:
             return Angular(height, width, settings.disc, settings.forward, settings.up)
         case "fisheye":
             if settings.fov_degrees is None:
-                raise MappingError("a fisheye picture needs --fov-degrees, the lens's field of view across its disc")
+                raise MappingError("a fisheye picture needs --fov-degrees, the field of view across its width")
             return make_fisheye(
                 settings.fisheye,
                 height,

@@ -1,7 +1,8 @@
 """Samples of every pixel's footprint on the sphere: the quadrature behind solid angles and projection matrices.
 
-A pixel of a probe picture can see a large and curved piece of the sphere: at the rim of a mirror sphere of 250 pixels
-the last ring of pixels spans 14° (MATHS §3). So each footprint is integrated with several points instead of one.
+Where all pixels see little of the sphere, one sample does: the centre, with the pixel's solid angle. But a pixel of a
+mirror can see a large and curved piece: at the rim of a mirror sphere of 250 pixels the last ring of pixels spans 14°
+(MATHS §3). Such footprints are integrated with several points.
 """
 
 from __future__ import annotations
@@ -38,6 +39,12 @@ def gauss_footprints(mapping: Mapping, pixels: Bools) -> Iterator[Samples]:
         x, y = (j + across).reshape(-1), (i + down).reshape(-1)
         solid_angle = mapping.density(x, y) * np.tile(area, i.size)
         yield np.repeat((i * mapping.width + j)[:, 0], points**2), mapping.directions(x, y)[0], solid_angle
+
+
+def centre_footprints(mapping: Mapping, pixels: Bools, solid_angles: Floats) -> Samples:
+    """Return one sample for each of the chosen pixels ``(H, W)``: its centre, with its solid angle of ``(H, W)``."""
+    rows, cols = np.nonzero(pixels)
+    return rows * mapping.width + cols, mapping.directions(cols + 0.5, rows + 0.5)[0], solid_angles[rows, cols]
 
 
 def rim_footprints(mapping: Mapping, pixels: Bools) -> Samples:

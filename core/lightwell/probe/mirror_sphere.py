@@ -182,8 +182,8 @@ def solve_view(
         by more than 5 % from the one that follows from the rest.
     """
     ratio = radius_m / distance_m if radius_m is not None and distance_m is not None else None
-    if fov_degrees is not None and not 0 < fov_degrees < 180:
-        raise MappingError(f"--fov-degrees: a perspective camera sees less than 180 degrees, not {fov_degrees:g}")
+    if fov_degrees is not None and not 0.01 <= fov_degrees <= 170:
+        raise MappingError(f"--fov-degrees: a perspective camera sees 0.01 … 170 degrees, not {fov_degrees:g}")
     if ratio is not None and not 0 < ratio < 1:
         raise MappingError(
             f"--sphere-radius-m ({radius_m:g}) must be smaller than --sphere-distance-m ({distance_m:g}), "

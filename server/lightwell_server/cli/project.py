@@ -27,9 +27,7 @@ def project(
     convention: Convention = typer.Option("lightwell", help="Axes, signs, order and scale of the coefficients."),
     forward: str = typer.Option("0,0,-1", metavar="X,Y,Z", help="World direction in which the camera looks."),
     up: str = typer.Option("0,1,0", metavar="X,Y,Z", help="World direction in which the picture's top points."),
-    fov_degrees: float | None = typer.Option(
-        None, help="Field of view across the picture's width; of a fisheye: across its disc."
-    ),
+    fov_degrees: float | None = typer.Option(None, help="Field of view across the picture's width, in degrees."),
     sphere_radius_m: float | None = typer.Option(None, help="Radius of the mirror sphere, metres."),
     sphere_distance_m: float | None = typer.Option(None, help="Camera to centre of the mirror sphere, metres."),
     disc: str | None = typer.Option(None, metavar="CX,CY,R", help="The probe's disc in pixels, where not centred."),

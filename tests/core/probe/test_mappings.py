@@ -259,3 +259,22 @@ def test_round_trip_of_any_direction(azimuth: float, height: float, name: str) -
     x, y, seen = mapping.pixels(direction)
     if seen:
         assert mapping.directions(x, y)[0] == pytest.approx(direction, abs=1e-7)
+
+
+def test_the_field_of_a_fisheye_is_across_the_width() -> None:
+    for lens, halfway in (("equidistant", 45.0), ("equisolid", math.degrees(2 * math.asin(math.sin(math.pi / 4) / 2)))):
+        mapping = make_mapping(MappingSettings(kind="fisheye", fov_degrees=180, fisheye=lens), 180, 320)
+        for x, degrees in ((160.0, 0.0), (240.0, halfway), (320.0, 90.0)):
+            direction, seen = mapping.directions(x, 90.0)
+            assert seen
+            assert math.degrees(math.acos(np.clip(-direction[2], -1, 1))) == pytest.approx(degrees, abs=1e-6)
+    small = make_mapping(MappingSettings(kind="fisheye", fov_degrees=180, disc=(160, 90, 80)), 180, 320)
+    assert small.blind_half_angle == pytest.approx(math.pi * 3 / 4), "the disc is half as wide as the picture"
+    with pytest.raises(MappingError, match="further than straight back"):
+        make_mapping(MappingSettings(kind="fisheye", fov_degrees=300, disc=(160, 90, 200)), 180, 320)
+
+
+@pytest.mark.parametrize("disc", [(32.0, 32.0, 1e300), (32.0, 32.0, 1000.0)])
+def test_absurd_discs_are_refused(disc: tuple[float, float, float]) -> None:
+    with pytest.raises(MappingError, match="far larger than the picture"):
+        make_mapping(MappingSettings(kind="angular", disc=disc), 64, 64)

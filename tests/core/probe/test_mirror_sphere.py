@@ -215,7 +215,8 @@ def test_contradiction_is_named() -> None:
         ((40.0, None, 1.0, None), "Missing: --sphere-radius-m, --disc"),
         ((None, 0.05, 1.0, None), "Missing: --fov-degrees, --disc"),
         ((None, 1.0, 1.0, None), "smaller than --sphere-distance-m"),
-        ((180.0, 0.1, 1.0, None), "less than 180"),
+        ((180.0, 0.1, 1.0, None), "not 180"),
+        ((1e-300, 0.1, 1.0, None), "not 1e-300"),
         ((40.0, None, None, (50.0, 50.0, -4.0)), "radius must be positive"),
     ],
 )
