@@ -123,6 +123,29 @@ def test_last_frame_is_delivered_however_late() -> None:
     assert source.frames_dropped == 18
 
 
+def test_last_frame_is_delivered_when_the_end_is_due_too() -> None:
+    clock, reader = FakeClock(), NumberReader(None)
+    reader.end = 2
+    source = Playback("x:", reader, INTERVAL_NS, realtime=True, clock=clock)
+    frames = iter(source)
+    assert name_of(next(frames)) == "0"
+    reader.wait_read(1)
+    reader.wait_read(2)  # which tells that there are no more
+    clock.advance_ms(20)
+    assert [name_of(item) for item in frames] == ["1"]
+    assert source.frames_dropped == 0
+    assert reader.closed
+
+
+def test_reader_of_a_source_that_never_played_is_closed() -> None:
+    reader = NumberReader(3)
+    with Playback("x:", reader, INTERVAL_NS, realtime=True) as source:
+        assert source.first_picture() is PIXELS
+    assert reader.closed
+    assert source.first_picture() is None
+    assert list(source) == []
+
+
 def test_bad_frames_take_their_turn() -> None:
     clock, reader = FakeClock(), NumberReader(6, bad=lambda position: position in (0, 3))
     source = Playback("x:", reader, INTERVAL_NS, realtime=True, clock=clock)

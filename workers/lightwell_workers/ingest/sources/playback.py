@@ -60,6 +60,16 @@ class _Pending:
     position: int
     picture: Future[tuple[Picture, float]]
 
+    @property
+    def is_end(self) -> bool:
+        """Whether the read has told that the recording ends before this position."""
+        return self.picture.done() and isinstance(self.picture.exception(), EndOfRecordingError)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether there is a picture, or an error in its place, to deliver."""
+        return self.picture.done() and not self.is_end
+
 
 class Playback:
     """A source that plays a reader's pictures at a fixed rate.
@@ -83,6 +93,8 @@ class Playback:
         self._interval_ns = interval_ns
         self._clock: Clock = clock or SystemClock()
         self._closed = threading.Event()
+        self._reader_taken = False
+        self._taking_reader = threading.Lock()
         self._dropped = 0
         self._length = reader.length
 
@@ -92,8 +104,10 @@ class Playback:
         return self._dropped
 
     def close(self) -> None:
-        """End the iteration, also while it waits."""
+        """End the iteration, also while it waits; the iteration then closes the reader, if it ever began."""
         self._closed.set()
+        if self._take_reader():
+            self._reader.close()
 
     def __enter__(self) -> Self:
         """Return the source."""
@@ -106,20 +120,31 @@ class Playback:
         self.close()
 
     def first_picture(self) -> Pixels | None:
-        """Return the first picture; None where it cannot be used."""
-        try:
-            return self._reader.read(0).pixels
-        except (FrameError, EndOfRecordingError):
-            return None
+        """Return the first picture; None where it cannot be used, or the source is closed."""
+        with self._taking_reader:
+            if self._reader_taken:
+                return None
+            try:
+                return self._reader.read(0).pixels
+            except (FrameError, EndOfRecordingError):
+                return None
 
     def __iter__(self) -> Iterator[Frame | FrameError]:
         """Yield the frames."""
+        if not self._take_reader():
+            return
         pool = ThreadPoolExecutor(self._reader.threads, thread_name_prefix="source")
         try:
             yield from self._play_live(pool) if self.is_live else self._play_all(pool)
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
             self._reader.close()
+
+    def _take_reader(self) -> bool:
+        """Return True to the first caller, who then has to close the reader."""
+        with self._taking_reader:
+            is_first, self._reader_taken = not self._reader_taken, True
+        return is_first
 
     def _play_all(self, pool: ThreadPoolExecutor) -> Iterator[Frame | FrameError]:
         start_ns: int | None = None
@@ -151,6 +176,7 @@ class Playback:
         start_ns: int | None = None  # the first picture is due as soon as it has been read
         just_asked = True
         while not self._closed.is_set():
+            self._learn_length(pending)
             newest_due = 0 if start_ns is None else (self._clock.steady_ns() - start_ns) // self._interval_ns
             if self._length is not None:
                 newest_due = min(newest_due, self._length - 1)
@@ -158,7 +184,7 @@ class Playback:
             # Drop what is overtaken: pictures read ahead, when a newer one is due that is not being read yet (but not
             # those that finish while we wait, or a slow disk would never deliver), and positions never asked for.
             if just_asked and position <= newest_due:
-                self._drop(pending, max((i + 1 for i, p in enumerate(pending) if p.picture.done()), default=0))
+                self._drop(pending, max((i + 1 for i, p in enumerate(pending) if p.is_read), default=0))
             just_asked = False
             if position < newest_due:
                 self._dropped += newest_due - position
@@ -172,7 +198,7 @@ class Playback:
                 return
 
             # Wait until a picture is due and read.
-            ready = [i for i, p in enumerate(pending) if p.position <= newest_due and p.picture.done()]
+            ready = [i for i, p in enumerate(pending) if p.position <= newest_due and p.is_read]
             if not ready:
                 due = [p.picture for p in pending if p.position <= newest_due]
                 if due:
@@ -189,14 +215,20 @@ class Playback:
             just_asked = True
             try:
                 picture, source_ms = taken.picture.result()
-            except EndOfRecordingError:
-                return
             except FrameError as error:
                 yield error
                 continue
             due_ns = start_ns + taken.position * self._interval_ns
             wall_ns = self._clock.wall_ns()
             yield _frame(picture, source_ms, wall_ns - (self._clock.steady_ns() - due_ns), wall_ns)
+
+    def _learn_length(self, pending: deque[_Pending]) -> None:
+        """Forget positions behind the end, as soon as a read has told where that is."""
+        end = next((p.position for p in pending if p.is_end), None)
+        if end is not None:
+            self._length = end
+            while pending and pending[-1].position >= end:
+                pending.pop().picture.cancel()
 
     def _drop(self, pending: deque[_Pending], count: int) -> None:
         """Drop the first ``count``; a read that fails in them was not going to be seen."""
