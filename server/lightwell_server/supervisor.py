@@ -9,26 +9,31 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
+import re
 import sys
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Coroutine, Iterable
 from dataclasses import dataclass, field
 
 import structlog
 
 from lightwell.settings import StreamSettings
-from lightwell_server.config import SupervisorSettings
+from lightwell_server.config import LogSettings, SupervisorSettings
 from lightwell_server.hub import RESTART_KEYS, Hub
 from lightwell_server.masking import mask
 from lightwell_server.session import WorkerState, follow
+from lightwell_workers.ingest.log import resolve_format
 
 log = structlog.get_logger("supervisor")
 
 POLL_SECONDS = 0.25
 TAIL_LINES = 20
 LONGEST_LINE = 65536
+_TELLS = re.compile(r"\[(debug|info) *\]")
+"""What lines of a log for people have that do not complain."""
 HEALTHY_SECONDS = 10.0
 """A process that has run this long with frames starts the pauses anew."""
 
@@ -67,13 +72,15 @@ class WorkerReport:
 class Supervisor:
     """Starts, watches and ends the embedded workers."""
 
-    def __init__(self, hub: Hub, settings: SupervisorSettings, *, server_url: str, token: str, json_logs: bool) -> None:
-        """Prepare; ``server_url`` is where workers find this server, ``json_logs`` how they write their logs."""
+    def __init__(
+        self, hub: Hub, settings: SupervisorSettings, *, server_url: str, token: str, log_settings: LogSettings
+    ) -> None:
+        """Prepare; ``server_url`` is where workers find this server; they write their logs as it does its own."""
         self._hub = hub
         self._settings = settings
         self._server_url = server_url
         self._token = token
-        self._log_options = ("--json",) if json_logs else ()
+        self._log_options = ("--log-format", resolve_format(log_settings.format), "--log-level", log_settings.level)
         self._workers: dict[str, _Worker] = {}
 
     def report(self, name: str) -> WorkerReport | None:
@@ -278,7 +285,19 @@ async def _read_stderr(process: asyncio.subprocess.Process, tail: deque[str]) ->
                 tail.append(text)
 
 
-def _describe_exit(status: int, tail: deque[str]) -> str:
+def _describe_exit(status: int, tail: Iterable[str]) -> str:
+    """Return how the process ended and why: the newest line that complains, or that is no line of the log."""
     how = f"was killed by signal {-status}" if status < 0 else f"ended with status {status}"
-    said = f": {tail[-1]}" if tail else ""
-    return f"the ingest process {how}{said}"
+    said = next((reason for line in reversed(list(tail)) if (reason := _complaint(line))), "")
+    return f"the ingest process {how}{said and ': '}{said}"
+
+
+def _complaint(line: str) -> str:
+    """Return what a line of a worker's log complains about; empty where it only tells what goes on."""
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return "" if _TELLS.search(line) else line
+    if not isinstance(entry, dict):
+        return line
+    return str(entry.get("reason") or entry.get("event", "")) if entry.get("level") in ("warning", "error") else ""

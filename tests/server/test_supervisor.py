@@ -19,10 +19,10 @@ from tests.support.server import problem, running_server, server_process, wait_u
 
 from lightwell.settings import StreamSettings
 from lightwell_client import LightStream
-from lightwell_server.config import HubSettings, SupervisorSettings
+from lightwell_server.config import HubSettings, LogSettings, SupervisorSettings
 from lightwell_server.hub import Hub
 from lightwell_server.session import WorkerState
-from lightwell_server.supervisor import Supervisor
+from lightwell_server.supervisor import Supervisor, _describe_exit
 
 ROOM = {"source": "synthetic:room?fps=30", "bands": 3, "resolution": 64, "backdrop": {"enabled": False}}
 SUPERVISOR = {"embedded": True, "backoff_first_seconds": 0.05, "backoff_longest_seconds": 0.2}
@@ -152,6 +152,14 @@ def test_a_slow_source_is_not_taken_for_a_dead_one(tmp_path: Path) -> None:
         assert Api(url).worker()["restarts"] == 0
 
 
+def test_workers_log_as_their_server_does(tmp_path: Path) -> None:
+    broken, log = ROOM | {"source": "exr:/nowhere/at/all"}, {"level": "error", "format": "json"}
+    with running_server(tmp_path, supervisor=SUPERVISOR, streams={"room": broken}, log=log) as url:
+        api = Api(url)
+        wait_until(lambda: api.worker()["restarts"] >= 1)
+        assert not [line for line in api.worker()["stderr_tail"] if '"level": "info"' in line]
+
+
 def test_a_source_that_ends_is_left_alone(tmp_path: Path) -> None:
     short = ROOM | {"source": "synthetic:room?fps=30&frames=10"}
     with running_server(tmp_path, supervisor=SUPERVISOR, streams={"room": short}) as url:
@@ -190,7 +198,7 @@ class StubbornWorkers:
             SupervisorSettings(stop_seconds=0.2),
             server_url="http://127.0.0.1:9",
             token="t",
-            json_logs=False,
+            log_settings=LogSettings(),
         )
 
     def apply(self, source: str) -> None:
@@ -258,3 +266,23 @@ async def test_a_second_cancellation_does_not_leave_the_process_behind(stubborn:
     with pytest.raises(asyncio.CancelledError):
         await task
     assert stubborn.alive() == 0
+
+
+STATISTICS = ('{"event": "ended", "level": "info", "frames_in": 3}', "2026-11-22 [info     ] ended   frames_in=3")
+
+
+@pytest.mark.parametrize(
+    ("tail", "said"),
+    [
+        ((), ""),
+        (STATISTICS, ""),
+        (('{"event": "failed", "level": "error", "reason": "no such file"}', *STATISTICS), ": no such file"),
+        (('{"event": "frame skipped", "level": "warning"}', *STATISTICS), ": frame skipped"),
+        (("lightwell: source 'exr:x' matches no file",), ": lightwell: source 'exr:x' matches no file"),
+        (("2026-11-22 [error    ] failed   reason=gone", *STATISTICS), ": 2026-11-22 [error    ] failed   reason=gone"),
+        (("old", "ValueError: x", "7", *STATISTICS), ": 7"),
+    ],
+)
+def test_the_last_error_is_the_reason(tail: tuple[str, ...], said: str) -> None:
+    assert _describe_exit(1, tail) == f"the ingest process ended with status 1{said}"
+    assert _describe_exit(-9, tail) == f"the ingest process was killed by signal 9{said}"
