@@ -197,6 +197,19 @@ def test_welcome_settings_win_over_announced_ones() -> None:
         server.wait_for(lambda s: bool(s.frames) and s.frames[-1].bands == 4)
 
 
+@pytest.mark.parametrize(("welcome", "changed"), [({"enabled": False}, False), ({"bands": 4}, True)])
+def test_only_settings_that_change_the_stream_are_logged_as_changed(welcome: dict[str, object], changed: bool) -> None:
+    source = "synthetic:room?width=64"
+    with (
+        PublishServer(welcome_settings={"source": source, **welcome}) as server,
+        worker(server, source) as process,
+    ):
+        server.wait_for(running)
+        process.terminate()
+        _, _, log = finish(process)
+    assert ("settings changed" in [entry["event"] for entry in log]) == changed
+
+
 def test_folder_of_bad_frames_keeps_its_rate(tmp_path: Path) -> None:
     """Done-when 8: each kind of bad frame among good ones, looping."""
     fps = 60

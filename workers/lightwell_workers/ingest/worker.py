@@ -271,6 +271,7 @@ class _Worker:
             settings = StreamSettings.model_validate(document)
             if (settings.source, settings.mapping) != (self._settings.source, self._settings.mapping):
                 raise SourceError("source and mapping cannot change while a worker runs: start the worker again")
+            settings = settings.model_copy(update={"enabled": self._settings.enabled})  # the server's affair
             if settings != self._pipeline.settings:
                 self._pipeline.configure(settings)
                 log.info("settings changed")
