@@ -9,12 +9,14 @@ import typer
 
 from lightwell.conventions import DEFAULT_BANDS, MAX_BANDS, Convention
 from lightwell.settings import MappingName, ProjectionWeights, WindowKind
+from lightwell_server.cli.output import quiet_libraries
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from lightwell.probe.samples import SampleCounts
+    from lightwell.settings import MappingSettings
 
 BAR_WIDTH = 24
 
@@ -68,7 +70,8 @@ def project(
         first = error.errors()[0]
         option = "--" + str(first["loc"][0]).replace("_", "-")
         raise MappingError(f"{option}: {first['msg'].lower()}, not {first['input']}") from None
-    picture = read_picture(image)
+    with quiet_libraries():
+        picture = read_picture(image)
     counts = count_samples(picture.pixels)
     pixels = repair(picture.pixels)
     geometry = make_mapping(settings, *pixels.shape[:2])
@@ -92,7 +95,8 @@ def project(
         _print_table(coefficients, convention)
         if strength:
             typer.echo(f"The window's strength is λ = {strength:.4g}.")
-    if note := _sample_note(counts, pixels_total=picture.pixels.size):
+    notes = [_sample_note(counts, pixels_total=picture.pixels.size), _mapping_note(settings, *picture.pixels.shape[:2])]
+    for note in filter(None, notes):
         typer.echo(note, err=json)
 
 
@@ -119,10 +123,23 @@ def _sample_note(counts: SampleCounts, pixels_total: int) -> str:
         (counts.nan, "NaN (taken as 0)"),
         (counts.infinite, "infinite (taken as 65504, or as 0 where negative)"),
         (counts.negative, "negative (kept)"),
-        (counts.saturated, "at the largest half, 65504"),
+        (counts.saturated, "at or above the largest half, 65504"),
     ]
     said = ", ".join(f"{count} {what}" for count, what in parts if count)
     return f"Of {pixels_total} samples: {said}." if said else ""
+
+
+def _mapping_note(settings: MappingSettings, height: int, width: int) -> str:
+    """Return one line where the mapping and what else is known do not look as if they belonged together, or nothing."""
+    if settings.kind == "latlong" and width != 2 * height:
+        return f"A lat-long picture is twice as wide as high; this one is {width}×{height}: is --mapping right?"
+    if settings.kind in ("latlong", "octahedral", "cube") and settings != settings.model_validate(
+        {"kind": settings.kind}
+    ):
+        return f"Options of a camera or a disc mean nothing to --mapping {settings.kind}; they are not used."
+    if settings.kind == "fisheye" and settings.disc is None and width > height:
+        return "The image circle is taken to be as wide as the picture: name it with --disc where it is not."
+    return ""
 
 
 def _print_table(coefficients: NDArray[np.float64], convention: Convention) -> None:

@@ -148,3 +148,19 @@ def test_one_line_and_exit_status_1(tmp_path: Path) -> None:
     assert finished.returncode == 1
     assert finished.stderr == "lightwell: no.exr: does not exist\n"
     assert finished.stdout == ""
+
+
+def test_a_damaged_file_leaves_standard_output_empty(tmp_path: Path) -> None:
+    # OpenEXR itself prints warnings there.
+    (tmp_path / "cut.exr").write_bytes((HDRI / "venice.exr").read_bytes()[:100_000])
+    command = [sys.executable, "-m", "lightwell_server.cli", "project", str(tmp_path / "cut.exr"), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "lightwell: cut.exr: is truncated or damaged: its pixels cannot be decoded\n"
+
+
+def test_notes_on_pictures_that_do_not_look_like_their_mapping(tmp_path: Path) -> None:
+    write_rgb(tmp_path / "square.exr", np.ones((16, 16, 3), np.float32))
+    assert "is --mapping right?" in run(tmp_path / "square.exr", "--json").stderr
+    unused = run(tmp_path / "square.exr", "--mapping", "octahedral", "--fov-degrees", 90, "--json")
+    assert "they are not used" in unused.stderr
