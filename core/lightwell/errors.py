@@ -8,9 +8,13 @@ class LightwellError(Exception):
 
 
 class FrameError(LightwellError):
-    """One frame cannot be used: names the frame and the reason. The stream goes on."""
+    """One frame cannot be used: names the frame and the reason. The stream goes on.
+
+    Bytes of a file name that are not UTF-8 are written as escapes, so that the error can be printed and sent.
+    """
 
     def __init__(self, frame: str, reason: str) -> None:
+        frame = frame.encode(errors="backslashreplace").decode()
         super().__init__(f"{frame}: {reason}")
         self.frame = frame
         self.reason = reason

@@ -13,6 +13,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from lightwell.errors import FrameError
+from lightwell.io.files import require_file
 
 MAX_PIXELS = 1 << 27
 """Largest picture that is read (16384×8192); a damaged header can ask for anything."""
@@ -62,8 +63,8 @@ def read_rgb(path: str | Path) -> ExrPicture:
     Raises
     ------
     FrameError
-        Whatever is wrong with the file: missing, empty, truncated, not OpenEXR, no colour, deep or subsampled data,
-        an absurd size. It names the file and the reason.
+        Whatever is wrong with the file: missing, no file, empty, truncated, not OpenEXR, no colour, deep or subsampled
+        data, an absurd size, a name that is not UTF-8. It names the file and the reason.
     """
     path = Path(path)
     _check_is_exr(path)
@@ -79,6 +80,7 @@ def read_rgb(path: str | Path) -> ExrPicture:
 
 def _check_is_exr(path: Path) -> None:
     """Raise `FrameError` with a readable reason where the file cannot be OpenEXR at all."""
+    require_file(path)
     try:
         with path.open("rb") as file:
             start = file.read(8)
@@ -97,7 +99,10 @@ def _open(path: Path, **options: Any) -> Any:  # noqa: ANN401
     try:
         return OpenEXR.File(str(path), num_threads=0, **options)
     except RuntimeError as error:
-        raise FrameError(path.name, f"is damaged: OpenEXR says {error}") from None
+        # The file has been opened before: what OpenEXR cannot open is a header that it refuses.
+        refused = str(error).startswith("Unable to open")
+        reason = "its header cannot be read" if refused else f"OpenEXR says {error}"
+        raise FrameError(path.name, f"is damaged: {reason}") from None
 
 
 def _find_colour(name: str, headers: list[dict[str, Any]]) -> _Colour:

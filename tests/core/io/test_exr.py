@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import threading
 from pathlib import Path
@@ -204,6 +205,27 @@ def test_absurd_size_is_refused_before_memory_is_taken(tmp_path: Path, pixels: N
     path.write_bytes(data)
     with pytest.raises(FrameError, match=f"100000×60000 pixels; at most {MAX_PIXELS}"):
         read_rgb(path)
+
+
+def test_a_header_that_openexr_refuses_is_called_damaged(tmp_path: Path, pixels: NDArray[Any]) -> None:
+    path = tmp_path / "huge.exr"
+    write_rgb(path, pixels)
+    data = bytearray(path.read_bytes())
+    start = data.find(b"dataWindow\0box2i\0") + len(b"dataWindow\0box2i\0") + 4
+    data[start : start + 16] = struct.pack("<4i", 0, 0, 2**31 - 2, 2**31 - 2)
+    path.write_bytes(data)
+    with pytest.raises(FrameError) as caught:
+        read_rgb(path)
+    assert caught.value.reason == "is damaged: its header cannot be read"
+
+
+def test_a_name_that_is_not_utf8_is_an_error_that_can_be_printed(tmp_path: Path, pixels: NDArray[Any]) -> None:
+    write_rgb(tmp_path / "a.exr", pixels)
+    path = tmp_path / os.fsdecode(b"a\xff.exr")
+    (tmp_path / "a.exr").rename(path)
+    with pytest.raises(FrameError, match="not UTF-8") as caught:
+        read_rgb(path)
+    assert str(caught.value).encode().startswith(b"a\\udcff.exr: has a name")
 
 
 def test_write_refuses_what_would_be_lost(tmp_path: Path, pixels: NDArray[Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,17 @@ def test_printf_reports_gaps_as_skipped_frames(folder: Path) -> None:
         "f.0005.exr",
         "f.0006.exr",
     ]
+
+
+def test_frames_that_cannot_be_opened_are_skipped(folder: Path) -> None:
+    (folder / "f.0002.exr").rename(folder / os.fsdecode(b"f.0002\xff.exr"))
+    os.mkfifo(folder / "f.0004.exr")
+    assert play(f"exr:{folder}/f.%04d.exr?realtime=0")[1:4] == [
+        "bad f.0002.exr: is missing from the sequence",
+        "f.0003.exr",
+        "bad f.0004.exr: is not a file but a pipe, a socket or a device",
+    ]
+    assert play(f"exr:{folder}?realtime=0")[1] == "bad f.0002\\udcff.exr: has a name that is not UTF-8: rename the file"
 
 
 def test_first_last_and_step(folder: Path) -> None:

@@ -31,6 +31,12 @@ def test_glob_in_natural_order(folder: Path) -> None:
     assert names(folder / "f?.exr", first=1, last=1) == ["f2.exr"]
 
 
+def test_a_file_whose_name_looks_like_a_glob(folder: Path) -> None:
+    (folder / "f[12].exr").touch()
+    assert names(folder / "f[12].exr") == ["f[12].exr"]
+    assert names(folder / "[f]1.exr") == ["f1.exr"]
+
+
 def test_printf_keeps_gaps(folder: Path) -> None:
     entries = find_sequence(str(folder / "f%d.exr"), last=5)
     assert [(entry.name, entry.path is not None) for entry in entries] == [

@@ -23,7 +23,7 @@ class SequenceEntry:
 
 
 def find_sequence(pattern: str, first: int | None = None, last: int | None = None) -> list[SequenceEntry]:
-    """Return the entries of a folder, a glob or a printf pattern (``frame.%04d.exr``), in natural order.
+    """Return the entries of a folder, a file, a glob or a printf pattern (``frame.%04d.exr``), in natural order.
 
     ``first`` and ``last`` (inclusive) are frame numbers for a printf pattern, whose gaps are entries without a path,
     and positions counted from 0 otherwise.
@@ -41,7 +41,8 @@ def find_sequence(pattern: str, first: int | None = None, last: int | None = Non
         found = [path for path in folder.iterdir() if path.suffix.lower() == PICTURE_SUFFIX and path.is_file()]
         missing = f"folder {pattern!r} holds no *{PICTURE_SUFFIX} file: give the folder of the frames themselves"
     else:
-        found = [path for path in map(Path, glob.glob(pattern)) if path.is_file()]  # noqa: PTH207, may be absolute
+        matches = [pattern] if folder.is_file() else glob.glob(pattern)  # noqa: PTH207, may be absolute
+        found = [path for path in map(Path, matches) if path.is_file()]
         missing = f"{pattern!r} matches no file: give a folder, a glob (dir/*.exr) or a printf pattern (frame.%04d.exr)"
     if not found:
         raise SourceError(missing)
