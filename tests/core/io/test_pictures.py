@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
@@ -31,6 +32,20 @@ def test_exr_under_another_name(tmp_path: Path) -> None:
     assert np.array_equal(read_picture(tmp_path / "a.frame").pixels, pixels)
 
 
+def test_a_damaged_picture_is_reported_by_the_error_alone(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 10 +X 20\n")
+    with pytest.raises(FrameError, match="damaged"):
+        read_picture(tmp_path / "a.hdr")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["a.exr", "a.hdr", "a.png", "a"])
+def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(FrameError, match="is not a file but a pipe"):
+        read_picture(tmp_path / name)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
@@ -40,6 +55,12 @@ def test_exr_under_another_name(tmp_path: Path) -> None:
         ("a.hdr", b"", "is empty"),
         ("b.hdr", b"hello", "is not a Radiance picture"),
         ("c.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 10 +X 20\n", "is (truncated or )?damaged"),
+        ("xyz.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n1234", "XYZ colour .* is not supported"),
+        (
+            "up.hdr",
+            b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n+Y 1 +X 1\n1234",
+            r"orientation \+Y 1 \+X 1, .* not supported",
+        ),
         ("d.hdr", None, "does not exist"),
         ("e", None, "does not exist"),
     ],
