@@ -20,6 +20,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match, Mount
 
 from lightwell_server.config import complaint
+from lightwell_server.store import StoreError
 
 MEDIA_TYPE = "application/problem+json"
 METHODS = ("GET", "POST", "PATCH", "DELETE")
@@ -142,6 +143,10 @@ def install(app: FastAPI) -> None:
                 kind, detail = "http", str(error.detail)
         return respond(Problem(status, kind, detail, headers=headers), request.url.path)
 
+    async def on_full(request: Request, error: Exception) -> JSONResponse:
+        log.error("change not kept", path=request.url.path, reason=str(error))
+        return respond(Problem(507, "not-kept", f"{error}; nothing was changed"), request.url.path)
+
     async def on_invalid(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
         if any(item["type"] == "json_invalid" for item in error.errors()):
@@ -155,6 +160,7 @@ def install(app: FastAPI) -> None:
         return respond(Problem(500, "internal", "the server made a mistake; its log says more"), request.url.path)
 
     app.add_exception_handler(Problem, on_problem)
+    app.add_exception_handler(StoreError, on_full)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(RequestValidationError, on_invalid)
     app.add_exception_handler(Exception, on_crash)

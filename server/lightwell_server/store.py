@@ -6,15 +6,22 @@ is deleted. Writes are transactions in write-ahead mode; a server that is killed
 
 from __future__ import annotations
 
+import contextlib
 import sqlite3
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from lightwell.errors import LightwellError
 from lightwell_server.config import ConfigError
 
 SCHEMA_VERSION = 1
+
+
+class StoreError(LightwellError):
+    """A change could not be written, as on a full disk; what was kept before still is."""
 
 
 class StoredStream(NamedTuple):
@@ -40,7 +47,12 @@ class Store:
             self._prepare(path)
         except sqlite3.Error as error:
             self._connection.close()
-            raise ConfigError(f"{path}: is no usable database: {error}; move it away to start anew") from None
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
+                raise ConfigError(f"{path}: is no usable database: {error}; move it away to start anew") from None
+            raise ConfigError(
+                f"{path}: cannot be used: {error}; see to the disk and its permissions, or give another folder with"
+                " --data"
+            ) from None
         except ConfigError:
             self._connection.close()
             raise
@@ -56,6 +68,7 @@ class Store:
             " (name TEXT PRIMARY KEY, settings TEXT NOT NULL, revision INTEGER NOT NULL, changed_ns INTEGER NOT NULL)"
         )
         self._connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
+        self.all()  # a damaged file shows here, where it can be named
 
     def all(self) -> dict[str, StoredStream]:
         """Return the streams by name."""
@@ -64,18 +77,26 @@ class Store:
         return {name: StoredStream(settings, revision) for name, settings, revision in rows}
 
     def put(self, name: str, settings: str, revision: int) -> None:
-        """Keep the settings of a stream."""
-        with self._lock:
-            self._connection.execute(
+        """Keep the settings of a stream; raises `StoreError`."""
+        with self._writing() as connection:
+            connection.execute(
                 "INSERT INTO streams VALUES (?, ?, ?, ?) ON CONFLICT (name) DO UPDATE SET"
                 " settings = excluded.settings, revision = excluded.revision, changed_ns = excluded.changed_ns",
                 (name, settings, revision, time.time_ns()),
             )
 
     def delete(self, name: str) -> None:
-        """Forget a stream; nothing happens where there is none."""
+        """Forget a stream; nothing happens where there is none. Raises `StoreError`."""
+        with self._writing() as connection:
+            connection.execute("DELETE FROM streams WHERE name = ?", (name,))
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[sqlite3.Connection]:
         with self._lock:
-            self._connection.execute("DELETE FROM streams WHERE name = ?", (name,))
+            try:
+                yield self._connection
+            except sqlite3.Error as error:
+                raise StoreError(f"the data directory cannot keep the change: {error}") from error
 
     def close(self) -> None:
         """Close the file."""
