@@ -6,7 +6,6 @@ The projection alone is then held against reading the frame, plain NumPy and duc
 from __future__ import annotations
 
 import asyncio
-import logging
 import multiprocessing
 import tempfile
 import time
@@ -44,7 +43,7 @@ WARM_UP = 20
 
 def run() -> list[Row]:
     """Play each recording as fast as possible through a whole worker to a sink in another process."""
-    configure_logging("bench", json=True, level=logging.ERROR)
+    configure_logging("bench", log_format="json", level="error")
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as scratch:
         for width, height in SIZES:

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 from lightwell._version import __version__
-from lightwell_server import logs, problems
+from lightwell_server import problems
 from lightwell_server.auth import Auth
 from lightwell_server.body_limit import BodyLimit
 from lightwell_server.catalogue import Catalogue
@@ -85,7 +85,7 @@ async def _run(config: Config, store: Store, server_url: str) -> AsyncIterator[S
         config.supervisor,
         server_url=server_url,
         token=auth.worker_token,
-        json_logs=logs.wants_json(config.log),
+        log_settings=config.log,
     )
     parts = Services(
         config=config,

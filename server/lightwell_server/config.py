@@ -25,6 +25,7 @@ from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, Settings
 
 from lightwell.errors import LightwellError
 from lightwell.settings import STREAM_NAME_PATTERN, Settings, StreamName, StreamSettings
+from lightwell_workers.ingest.log import LogFormat, LogLevel
 
 DEFAULT_FILE = Path("lightwell.toml")
 DEFAULT_PORT = 8400
@@ -89,12 +90,10 @@ class SupervisorSettings(Settings):
 
 
 class LogSettings(Settings):
-    """What the server says on standard error."""
+    """What the server and its workers say on standard error."""
 
-    level: str = Field("info", pattern="^(debug|info|warning|error)$", description="debug, info, warning or error")
-    format: str = Field(
-        "auto", pattern="^(auto|text|json)$", description="text, json, or auto: text on a terminal, json elsewhere"
-    )
+    level: LogLevel = Field("info", description="debug, info, warning or error; workers too")
+    format: LogFormat = Field("auto", description="text, json, or auto: text on a terminal, json elsewhere")
 
 
 class Config(BaseSettings):

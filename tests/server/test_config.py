@@ -75,7 +75,7 @@ MISTAKES = [
     ("server = 3", "FILE: server = 3: must be a valid dictionary or instance of ServerSettings"),
     ("[hub]\ncontrol_queue = 3", "FILE: hub.control_queue = 3: must be greater than or equal to 4"),
     ("[hub]\nstall_seconds = 0", "FILE: hub.stall_seconds = 0: must be greater than 0"),
-    ("[log]\nlevel = 'loud'", "FILE: log.level = 'loud': must match pattern '^(debug|info|warning|error)$'"),
+    ("[log]\nlevel = 'loud'", "FILE: log.level = 'loud': must be 'debug', 'info', 'warning' or 'error'"),
     ("[auth]\nread_tokens = 'secret'", "FILE: auth.read_tokens must be a valid tuple"),
     ("[streams.hall]\nbands = 3", "FILE: streams.hall.source is missing: it has no default"),
     (

@@ -157,7 +157,9 @@ def test_workers_log_as_their_server_does(tmp_path: Path) -> None:
     with running_server(tmp_path, supervisor=SUPERVISOR, streams={"room": broken}, log=log) as url:
         api = Api(url)
         wait_until(lambda: api.worker()["restarts"] >= 1)
-        assert not [line for line in api.worker()["stderr_tail"] if '"level": "info"' in line]
+        tail = api.worker()["stderr_tail"]
+        assert "/nowhere/at/all" in "".join(tail)
+        assert '"level": "info"' not in "".join(tail)
 
 
 def test_a_source_that_ends_is_left_alone(tmp_path: Path) -> None:

@@ -65,13 +65,13 @@ def demo(
 
 
 def _serve(port: int | None, data: Path | None) -> None:
-    from lightwell_server import logs
     from lightwell_server.config import load_config
     from lightwell_server.runner import Server
+    from lightwell_workers.ingest.log import configure_logging
     from lightwell_workers.ingest.samples import make_samples
 
     config = load_config(None, {"port": port, "data_dir": data})
-    logs.configure(config.log)
+    configure_logging(log_format=config.log.format, level=config.log.level)
     with _progress() as report:
         samples = make_samples(config.server.data_dir / "samples", report)
     server = Server(config.model_copy(update={"streams": samples | config.streams}))

@@ -24,6 +24,7 @@ from lightwell.settings import (
     WindowKind,
     WindowSettings,
 )
+from lightwell_workers.ingest.log import LogFormat, LogLevel
 
 
 def _help(model: type[BaseModel], field: str) -> str:
@@ -47,6 +48,8 @@ def ingest(
         typer.Option(envvar="LIGHTWELL_STREAM_SETTINGS", help="settings as JSON; the other options change single ones"),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="print one status a line as JSON, and log as JSON")] = False,
+    log_format: Annotated[LogFormat, typer.Option(help="auto: text on a terminal, else JSON")] = "auto",
+    log_level: Annotated[LogLevel, typer.Option(help="what is worth a line")] = "info",
     # how the picture covers the sphere
     mapping: Annotated[MappingName | None, _option(MappingSettings, "kind", "--mapping")] = None,
     forward: Annotated[str | None, _option(MappingSettings, "forward", "--forward")] = None,
@@ -153,7 +156,7 @@ def ingest(
     def print_status(status: StreamStatus) -> None:
         print(msgspec.json.encode(status).decode(), file=output, flush=True)
 
-    configure_logging(stream, json=json)
+    configure_logging(stream, log_format="json" if json else log_format, level=log_level)
     chosen = stream_settings(settings, changes)
     sys.exit(run_worker(chosen, stream, server, token, on_status=print_status if json else None))
 

@@ -14,12 +14,12 @@ def serve(
     data: Path | None = typer.Option(None, help="Folder for what must survive a restart (default: data)."),
 ) -> None:
     """Serve the API, the live streams and the web page; run one ingest worker a stream."""
-    from lightwell_server import logs
     from lightwell_server.config import load_config
     from lightwell_server.runner import Server
+    from lightwell_workers.ingest.log import configure_logging
 
     settings = load_config(config, {"host": host, "port": port, "data_dir": data})
-    logs.configure(settings.log)
+    configure_logging(log_format=settings.log.format, level=settings.log.level)
     server = Server(settings)
     print(f"Lightwell serves {server.url}", flush=True)
     try:
