@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lightwell.errors import FrameError, SourceError
+from lightwell.settings import StreamSettings
 from lightwell_workers.ingest.colour import (
     chroma_taps,
     hlg_inverse_oetf,
@@ -20,6 +21,7 @@ from lightwell_workers.ingest.colour import (
 )
 from lightwell_workers.ingest.frame import Frame
 from lightwell_workers.ingest.sources import open_source
+from lightwell_workers.ingest.stages.reduce import reduce_frame
 
 HEIGHT, WIDTH = 48, 64
 
@@ -175,6 +177,27 @@ def test_eight_bit_vp9_with_overrides(tmp_path: Path) -> None:
     full = means(play(f"video:{path}?transfer=linear&range=full&realtime=0"))[0]
     np.testing.assert_allclose(limited, 1.0, atol=1e-5)
     np.testing.assert_allclose(full, 235 / 255, atol=3e-3)  # 128 is half a code off the middle of the full range
+
+
+@pytest.mark.parametrize(
+    ("pixel_format", "peak", "below", "query"),
+    [
+        ("gbrp12le", (4095,) * 3, (4094,) * 3, "transfer=pq"),
+        ("gbrp12le", (4095,) * 3, (4094,) * 3, "transfer=hlg"),
+        ("gbrp12le", (4095,) * 3, (4094,) * 3, "transfer=linear"),
+        ("gbrp16le", (65535,) * 3, (65534,) * 3, "transfer=linear&primaries=bt2020"),
+        ("yuv420p10le", (940, 512, 512), (939, 512, 512), "transfer=pq&matrix=bt2020&primaries=bt2020&white=100"),
+        ("yuv420p10le", (1019, 512, 512), (939, 512, 512), "transfer=hlg&matrix=bt709"),
+    ],
+)
+def test_samples_at_the_peak_count_as_saturated(
+    tmp_path: Path, pixel_format: str, peak: tuple[int, ...], below: tuple[int, ...], query: str
+) -> None:
+    path = encode(tmp_path / "peak.mkv", [peak, below], "ffv1", pixel_format)
+    frames = [item for item in play(f"video:{path}?{query}&realtime=0") if isinstance(item, Frame)]
+    settings = StreamSettings.model_validate({"source": f"video:{path}", "mapping": {"kind": "angular"}})
+    saturated = [reduce_frame(frame, settings).counts.saturated for frame in frames]
+    assert saturated == [HEIGHT * WIDTH * 3, 0]
 
 
 def test_loop_goes_on_and_names_frames(tmp_path: Path) -> None:

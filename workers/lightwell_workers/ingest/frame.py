@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.probe.samples import LARGEST_HALF
+
 Pixels = NDArray[np.float16] | NDArray[np.float32]
 """A picture in linear Rec. 709 RGB, ``(height, width, 3)``, C-contiguous."""
 
@@ -24,6 +26,8 @@ class Frame:
     """When the worker had the whole frame."""
     source_ms: float = 0.0
     """What the source spent on reading or rendering it, milliseconds."""
+    clip_level: float = LARGEST_HALF
+    """Samples from here on are the source's highest, whatever the light was; in the picture's own units."""
     truth: NDArray[np.float64] | None = None
     """Exact coefficients in world axes, ``(bands², 3)``, where the source knows them."""
     world_from_camera: NDArray[np.float64] | None = None

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.errors import FrameError
+from lightwell.probe.samples import LARGEST_HALF
 from lightwell_workers.ingest.frame import Frame, Pixels
 from lightwell_workers.ingest.sources.clock import Clock, SystemClock
 
@@ -32,6 +33,7 @@ class Picture:
     name: str
     capture_time_ns: int | None = None
     """When it was captured, where the recording says so."""
+    clip_level: float = LARGEST_HALF
     truth: NDArray[np.float64] | None = None
     world_from_camera: NDArray[np.float64] | None = None
 
@@ -255,6 +257,7 @@ def _frame(picture: Picture, source_ms: float, capture_time_ns: int, ingest_time
         capture_time_ns=capture_time_ns,
         ingest_time_ns=ingest_time_ns,
         source_ms=source_ms,
+        clip_level=picture.clip_level,
         truth=picture.truth,
         world_from_camera=picture.world_from_camera,
     )

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from lightwell.errors import FrameError, SourceError
+from lightwell.probe.samples import LARGEST_HALF
 from lightwell.settings import Settings
 from lightwell_workers.ingest.colour import (
     REFERENCE_WHITE,
@@ -58,6 +59,9 @@ _PLANAR_FORM = {
     "rgba64le": "gbrp16le",
 }
 """Formats that pack several components into one plane, and the planar one of the same depth and sampling."""
+
+PEAK_ROUNDING = 1e-5
+"""How far the matrices, in float32, may leave the peak's light below the peak; a step of 16-bit codes is more."""
 
 
 class VideoOptions(Settings):
@@ -141,9 +145,10 @@ class _VideoReader:
         number, frame = self._item
         name = f"{self._name} frame {number}"
         try:
-            return Picture(pixels=self._converter.convert(frame), name=name)
+            pixels = self._converter.convert(frame)
         except ValueError as error:
             raise FrameError(name, str(error)) from error
+        return Picture(pixels=pixels, name=name, clip_level=self._converter.clip_level(frame.format))
 
     def close(self) -> None:
         self._items.close()
@@ -195,6 +200,16 @@ class _Converter:
             int(context.colorspace or 0), "bt2020" if primaries == "bt2020" else "bt709"
         )
         self._range = options.range or _RANGES.get(int(context.color_range or 0))
+
+    def clip_level(self, pixel_format: VideoFormat) -> float:
+        """Return the light of the signal's peak, less what rounding may take from it."""
+        if self._table.size:
+            peak = float(self._table[-1])
+        elif _is_float(pixel_format):
+            return LARGEST_HALF
+        else:
+            peak = 1.0
+        return peak * (1 - PEAK_ROUNDING)
 
     def convert(self, frame: VideoFrame) -> NDArray[np.float32]:
         """Return ``(height, width, 3)``; raises ``ValueError`` where the pixel format is unknown."""

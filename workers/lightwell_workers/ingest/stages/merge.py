@@ -13,12 +13,12 @@ from lightwell.probe.samples import SampleCounts, count_samples, repair
 from lightwell_workers.ingest.frame import Pixels
 
 
-def merge(pixels: Pixels, negatives: Literal["keep", "clamp"]) -> tuple[Pixels, SampleCounts]:
+def merge(pixels: Pixels, negatives: Literal["keep", "clamp"], clip_level: float) -> tuple[Pixels, SampleCounts]:
     """Return the repaired picture and the counts of the samples as they came.
 
-    The picture itself is returned where nothing is to be repaired.
+    Samples from ``clip_level`` on count as saturated. The picture itself is returned where nothing is to be repaired.
     """
-    counts = count_samples(pixels)
+    counts = count_samples(pixels, clip_level)
     if counts.nan or counts.infinite or (counts.negative and negatives == "clamp"):
         return repair(pixels, negatives), counts
     return pixels, counts

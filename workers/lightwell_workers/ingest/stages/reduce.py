@@ -42,7 +42,7 @@ def reduce_frame(frame: Frame, settings: StreamSettings) -> Reduced:
     times = StageTimes()
     times.stage_ms["source"] = frame.source_ms
     with times.measure("merge"):
-        pixels, counts = merge(frame.pixels, settings.negatives)
+        pixels, counts = merge(frame.pixels, settings.negatives, frame.clip_level)
     with times.measure("map"):
         geometry = make_geometry(settings, pixels.shape[0], pixels.shape[1])
     with times.measure("downsample"):
