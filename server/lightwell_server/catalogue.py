@@ -6,6 +6,7 @@ The catalogue tells the hub and the supervisor about each change; nobody else ch
 from __future__ import annotations
 
 import asyncio
+import hashlib
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -45,8 +46,14 @@ class Entry:
 
     @property
     def etag(self) -> str:
-        """Names this version of the settings in HTTP headers."""
-        return f'"{self.origin}-{self.revision}"'
+        """Names these settings in HTTP headers: a digest of what the API shows of them."""
+        shown = self.settings.model_copy(update={"source": mask(self.settings.source)})
+        return f'"{hashlib.sha256(shown.model_dump_json().encode()).hexdigest()[:16]}"'
+
+    def require_match(self, if_match: str | None) -> None:
+        """Raise the 412 problem where an ``If-Match`` header (RFC 9110 §13.1.1) names only other settings."""
+        if if_match is not None and not {"*", self.etag} & {tag.strip() for tag in if_match.split(",")}:
+            raise Problem(412, "changed-meanwhile", f"the stream is now version {self.etag}: read it again")
 
 
 class WorkerControl(Protocol):
@@ -135,8 +142,7 @@ class Catalogue:
         """
         async with self._lock:
             entry = self.entry(name)
-            if if_match is not None and if_match.strip() not in ("*", entry.etag):
-                raise Problem(412, "changed-meanwhile", f"the stream is now version {entry.etag}: read it again")
+            entry.require_match(if_match)
             merged = merge_patch(entry.settings.model_dump(mode="json"), patch)
             if isinstance(source := merged.get("source"), str):
                 merged["source"] = unmask(source, entry.settings.source)
@@ -152,14 +158,15 @@ class Catalogue:
             channel.reconfigure(settings)
             return changed
 
-    async def delete(self, name: str) -> Entry | None:
+    async def delete(self, name: str, if_match: str | None) -> Entry | None:
         """Forget what the API knows of a stream.
 
         Returns the file's stream of that name, which applies again, or None where the stream is gone. Raises the 404
-        problem where there is none, 409 where the file alone has it.
+        problem where there is none, 409 where the file alone has it, 412 where ``if_match`` names another version.
         """
         async with self._lock:
             entry = self.entry(name)
+            entry.require_match(if_match)
             if entry.origin is Origin.FILE:
                 raise Problem(
                     409,

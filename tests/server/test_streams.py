@@ -103,6 +103,20 @@ def test_an_etag_guards_against_overwriting(api: httpx.Client) -> None:
     assert api.get("/streams/hall").json()["settings"]["bands"] == 3
 
 
+def test_an_etag_names_the_settings_not_their_history(api: httpx.Client) -> None:
+    create(api)
+    first = api.get("/streams/hall").headers["etag"]
+    other = api.patch("/streams/hall", json={"bands": 3}).headers["etag"]
+    back = api.patch("/streams/hall", json={"bands": 4}, headers={"If-Match": f'"x", {other}'})
+    assert back.headers["etag"] == first
+    problem(api.delete("/streams/hall", headers={"If-Match": f'{other}, "x"'}), 412, "changed-meanwhile")
+    problem(api.delete("/streams/hall", headers={"If-Match": f"W/{first}"}), 412, "changed-meanwhile")
+    assert api.delete("/streams/hall", headers={"If-Match": first}).status_code == 204
+    recreated = api.post("/streams", json={"name": "hall", "settings": HALL | {"bands": 2}})
+    assert recreated.headers["etag"] not in (first, other)
+    assert api.patch("/streams/hall", json={}, headers={"If-Match": "*"}).status_code == 200
+
+
 def test_credentials_never_leave_and_survive_a_round_trip(api: httpx.Client, server: str) -> None:
     secret = "video:rtsp://anna:hush@camera/live"
     create(api, source=secret, enabled=False)

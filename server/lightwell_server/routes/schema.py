@@ -31,7 +31,7 @@ class StreamDescription(BaseModel):
 
     name: str
     origin: Origin = Field(description="file: lightwell.toml; api: kept in the data directory; worker: announced")
-    revision: int = Field(description="counts changes through the API; the ETag names it")
+    revision: int = Field(description="counts changes through the API")
     settings: StreamSettings
     state: StreamState
     session: str | None = Field(None, description="names one run of the worker; null where none is connected")

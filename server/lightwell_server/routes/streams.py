@@ -28,6 +28,7 @@ def _require_admin(request: Request) -> None:
 
 READ = [Depends(_require_read)]
 ADMIN = [Depends(_require_admin)]
+IfMatch = Annotated[str | None, Header(description="only where the stream still has one of these ETags")]
 
 _TEXTS = {
     401: "a token is needed or wrong",
@@ -36,6 +37,7 @@ _TEXTS = {
     409: "in conflict with what there is",
     412: "changed meanwhile",
     422: "not valid; `errors` names field, value and remedy",
+    507: "cannot be kept, as on a full disk",
 }
 
 
@@ -59,7 +61,7 @@ async def list_streams(request: Request) -> StreamList:
     return StreamList(streams=[_description(parts, entry) for entry in parts.catalogue.entries()])
 
 
-@router.post("/streams", status_code=201, dependencies=ADMIN, responses=_problems(409, 422))
+@router.post("/streams", status_code=201, dependencies=ADMIN, responses=_problems(409, 422, 507))
 async def create_stream(request: Request, response: Response, creation: StreamCreation) -> StreamDescription:
     """Add a stream; it survives a restart."""
     parts = services(request)
@@ -78,7 +80,7 @@ async def get_stream(request: Request, response: Response, name: str) -> StreamD
     return _description(parts, entry)
 
 
-@router.patch("/streams/{name}", dependencies=ADMIN, responses=_problems(404, 412, 422))
+@router.patch("/streams/{name}", dependencies=ADMIN, responses=_problems(404, 412, 422, 507))
 async def change_stream(
     request: Request,
     response: Response,
@@ -90,7 +92,7 @@ async def change_stream(
             examples=[{"bands": 4, "filter": {"tau_seconds": 0.2}}],
         ),
     ],
-    if_match: Annotated[str | None, Header(description="change only this version (ETag)")] = None,
+    if_match: IfMatch = None,
 ) -> StreamDescription:
     """Change a stream's settings; they survive a restart, and the worker follows at once."""
     parts = services(request)
@@ -102,13 +104,13 @@ async def change_stream(
 @router.delete(
     "/streams/{name}",
     dependencies=ADMIN,
-    responses={204: {"description": "the stream is gone"}, **_problems(404, 409)},
+    responses={204: {"description": "the stream is gone"}, **_problems(404, 409, 412, 507)},
     response_model=StreamDescription,
 )
-async def delete_stream(request: Request, name: str) -> Response | StreamDescription:
+async def delete_stream(request: Request, name: str, if_match: IfMatch = None) -> Response | StreamDescription:
     """Delete a stream made through the API; where the file has one of this name, that one applies again (200)."""
     parts = services(request)
-    restored = await parts.catalogue.delete(name)
+    restored = await parts.catalogue.delete(name, if_match)
     return Response(status_code=204) if restored is None else _description(parts, restored)
 
 
