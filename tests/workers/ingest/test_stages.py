@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
 
@@ -165,6 +166,20 @@ def test_filter_keeps_its_state_while_other_settings_change() -> None:
     message = finisher.finish(reduced(frame(value=1.0, time_ns=10**18 + 10**8), filter=slow, gain=2.0))
     light = unpack_coefficients(message.coefficients)[0] / math.sqrt(4 * math.pi)
     assert np.all(light < 0.05)
+
+
+def test_a_recording_read_fast_is_filtered_in_its_own_time_and_published_in_ours() -> None:
+    finisher = Finisher("s", "session")
+    lights, captured = [], []
+    for number, value in enumerate((0.0, 1.0)):
+        ingest_time_ns = 10**18 + number * 1_000_000
+        one = dataclasses.replace(frame(value=value), ingest_time_ns=ingest_time_ns)
+        one = dataclasses.replace(one, capture_time_ns=10**18 + number * 1_000_000_000)
+        message = finisher.finish(reduced(one, filter={"kind": "tau", "tau_seconds": 1.0, "cut_threshold": 0}))
+        lights.append(unpack_coefficients(message.coefficients)[0, 0] / math.sqrt(4 * math.pi))
+        captured.append(message.capture_time_ns - ingest_time_ns)
+    assert captured == [0, 0]
+    assert lights == pytest.approx([0.0, 1 - math.exp(-1)], abs=1e-6)
 
 
 def test_turning_camera_is_turned_back_before_the_filter() -> None:

@@ -21,7 +21,8 @@ class Frame:
     name: str
     """What the source calls it: a file name, a frame number."""
     capture_time_ns: int
-    """When the light was captured, nanoseconds since the Unix epoch."""
+    """When the light was captured, nanoseconds since the Unix epoch. Runs ahead of the clock where a recording is read
+    faster than it was made: its intervals are those of the recording, which windows and filters follow."""
     ingest_time_ns: int
     """When the worker had the whole frame."""
     source_ms: float = 0.0
@@ -32,3 +33,8 @@ class Frame:
     """Exact coefficients in world axes, ``(bands², 3)``, where the source knows them."""
     world_from_camera: NDArray[np.float64] | None = None
     """Rotation from the mapping's axes to world axes while the camera turns, ``(3, 3)``; None: it does not turn."""
+
+    @property
+    def published_capture_time_ns(self) -> int:
+        """Capture time in messages: never later than the frame came."""
+        return min(self.capture_time_ns, self.ingest_time_ns)

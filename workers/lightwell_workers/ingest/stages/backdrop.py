@@ -101,7 +101,7 @@ class BackdropStage:
             stream=self._stream,
             session=self._session,
             seq=self._count - 1,
-            capture_time_ns=reduced.frame.capture_time_ns,
+            capture_time_ns=reduced.frame.published_capture_time_ns,
             width=picture.shape[1],
             height=picture.shape[0],
             k=LOG_K,

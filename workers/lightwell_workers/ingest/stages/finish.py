@@ -50,7 +50,7 @@ class Finisher:
             stream=self._stream,
             session=self._session,
             seq=0,
-            capture_time_ns=frame.capture_time_ns,
+            capture_time_ns=frame.published_capture_time_ns,
             ingest_time_ns=frame.ingest_time_ns,
             publish_time_ns=0,
             bands=settings.bands,
