@@ -152,7 +152,11 @@ def install(app: FastAPI) -> None:
         if any(item["type"] == "json_invalid" for item in error.errors()):
             reason = error.errors()[0]["ctx"]["error"]
             return respond(Problem(400, "invalid-json", f"the body is no valid JSON: {reason}"), request.url.path)
-        items = [item | {"loc": item["loc"][1:]} for item in error.errors()]
+        if any(item["loc"] == ("body",) and isinstance(item["input"], bytes) for item in error.errors()):
+            given = request.headers.get("Content-Type", "no Content-Type")
+            detail = f"the body came with {given}: send Content-Type: application/json"
+            return respond(Problem(415, "not-json", detail), request.url.path)
+        items = [item | {"loc": item["loc"][1:] or ("body",)} for item in error.errors()]
         return respond(invalid_input(items), request.url.path)
 
     async def on_crash(request: Request, error: Exception) -> JSONResponse:

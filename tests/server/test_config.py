@@ -69,14 +69,14 @@ def test_tokens_do_not_show() -> None:
 
 MISTAKES = [
     ("[server]\nport = 99999", "FILE: server.port = 99999: must be less than or equal to 65535"),
-    ("[server]\nport = 'x'", "FILE: server.port = 'x': must be a valid integer, unable to parse string as an integer"),
+    ("[server]\nport = 'x'", "FILE: server.port = 'x': must be a valid integer"),
     ("[server]\nprot = 1", "FILE: server.prot is no option: check its spelling"),
     ("[hup]\nx = 1", "FILE: hup is no option: check its spelling"),
-    ("server = 3", "FILE: server = 3: must be a valid dictionary or instance of ServerSettings"),
+    ("server = 3", "FILE: server = 3: must be an object, a table of keys and values"),
     ("[hub]\ncontrol_queue = 3", "FILE: hub.control_queue = 3: must be greater than or equal to 4"),
     ("[hub]\nstall_seconds = 0", "FILE: hub.stall_seconds = 0: must be greater than 0"),
     ("[log]\nlevel = 'loud'", "FILE: log.level = 'loud': must be 'debug', 'info', 'warning' or 'error'"),
-    ("[auth]\nread_tokens = 'secret'", "FILE: auth.read_tokens must be a valid tuple"),
+    ("[auth]\nread_tokens = 'secret'", "FILE: auth.read_tokens must be a list"),
     ("[streams.hall]\nbands = 3", "FILE: streams.hall.source is missing: it has no default"),
     (
         "[streams.hall]\nsource = 'exr:x'\nbands = 9",

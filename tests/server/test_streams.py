@@ -73,6 +73,37 @@ def test_bad_settings_are_named_with_value_and_remedy(
     assert field in document["detail"]
 
 
+@pytest.mark.parametrize(
+    ("body", "detail"),
+    [
+        (b"", "body: is missing: it has no default"),
+        (b"[]", "body: []: must be an object, a table of keys and values"),
+    ],
+)
+def test_a_body_that_is_no_object_is_named(api: httpx.Client, body: bytes, detail: str) -> None:
+    headers = {"Content-Type": "application/json"}
+    create(api)
+    for response in (
+        api.post("/streams", content=body, headers=headers),
+        api.patch("/streams/hall", content=body, headers=headers),
+    ):
+        document = problem(response, 422, "invalid-input")
+        assert document["detail"] == detail
+        assert document["errors"][0]["field"] == "body"
+
+
+@pytest.mark.parametrize("headers", [{}, {"Content-Type": "text/plain"}])
+def test_a_body_of_another_type_is_refused(api: httpx.Client, headers: dict[str, str]) -> None:
+    create(api)
+    for response in (
+        api.post("/streams", content=b'{"name": "x"}', headers=headers),
+        api.patch("/streams/hall", content=b"{}", headers=headers),
+    ):
+        assert "send Content-Type: application/json" in problem(response, 415, "not-json")["detail"]
+    merge = {"Content-Type": "application/merge-patch+json"}
+    assert api.patch("/streams/hall", content=b'{"bands": 2}', headers=merge).json()["settings"]["bands"] == 2
+
+
 def test_a_merge_patch_changes_what_it_names_and_null_restores_a_default(api: httpx.Client) -> None:
     create(api, filter={"kind": "tau", "tau_seconds": 0.5})
     patched = api.patch("/streams/hall", json={"bands": 3, "filter": {"cut_threshold": 0.2}}).json()["settings"]

@@ -36,6 +36,7 @@ _TEXTS = {
     404: "there is no such stream",
     409: "in conflict with what there is",
     412: "changed meanwhile",
+    415: "the body must be application/json",
     422: "not valid; `errors` names field, value and remedy",
     507: "cannot be kept, as on a full disk",
 }
@@ -61,7 +62,7 @@ async def list_streams(request: Request) -> StreamList:
     return StreamList(streams=[_description(parts, entry) for entry in parts.catalogue.entries()])
 
 
-@router.post("/streams", status_code=201, dependencies=ADMIN, responses=_problems(409, 422, 507))
+@router.post("/streams", status_code=201, dependencies=ADMIN, responses=_problems(409, 415, 422, 507))
 async def create_stream(request: Request, response: Response, creation: StreamCreation) -> StreamDescription:
     """Add a stream; it survives a restart."""
     parts = services(request)
@@ -80,7 +81,7 @@ async def get_stream(request: Request, response: Response, name: str) -> StreamD
     return _description(parts, entry)
 
 
-@router.patch("/streams/{name}", dependencies=ADMIN, responses=_problems(404, 412, 422, 507))
+@router.patch("/streams/{name}", dependencies=ADMIN, responses=_problems(404, 412, 415, 422, 507))
 async def change_stream(
     request: Request,
     response: Response,
