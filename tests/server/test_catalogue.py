@@ -44,7 +44,7 @@ async def test_a_worker_may_announce_a_stream_while_it_is_deleted(store: Store) 
     workers = SlowWorkers()
     catalogue = Catalogue(Hub(HubSettings(), "run"), store, workers, {})
     before = catalogue.channel((await catalogue.create("hall", SETTINGS)).name)
-    deleting = asyncio.create_task(catalogue.delete("hall"))
+    deleting = asyncio.create_task(catalogue.delete("hall", if_match=None))
     await workers.removing.wait()
 
     with pytest.raises(Problem, match="there is no stream 'hall'"):
