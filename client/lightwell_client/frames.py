@@ -43,14 +43,21 @@ class LightFrame:
     """When this client had it, by its own clock."""
     missed: int
     """Frames that were overtaken between the frame before and this one, at the server or here."""
+    from_hello: bool = False
+    """True for the newest frame that the server had when the connection was made: it may be of any age."""
 
     @property
     def latency_seconds(self) -> float:
-        """Time from capture to this client; clocks of two machines may disagree."""
+        """Time from capture to this client; clocks of two machines may disagree.
+
+        Says nothing of the way the light takes where the frame is ``from_hello``.
+        """
         return (self.received_time_ns - self.capture_time_ns) / 1e9
 
     @classmethod
-    def from_wire(cls, frame: Frame, *, mapping: str, received_time_ns: int, missed: int) -> LightFrame:
+    def from_wire(
+        cls, frame: Frame, *, mapping: str, received_time_ns: int, missed: int, from_hello: bool = False
+    ) -> LightFrame:
         """Return the frame of a message; raises ``ValueError`` where its arrays do not fit its bands."""
         coefficients = unpack_coefficients(frame.coefficients)
         if len(coefficients) != frame.bands**2:
@@ -78,6 +85,7 @@ class LightFrame:
             publish_time_ns=frame.publish_time_ns,
             received_time_ns=received_time_ns,
             missed=missed,
+            from_hello=from_hello,
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -91,6 +99,7 @@ class LightFrame:
             "publish_time_ns": self.publish_time_ns,
             "received_time_ns": self.received_time_ns,
             "missed": self.missed,
+            "from_hello": self.from_hello,
             "bands": self.bands,
             "convention": self.convention,
             "units": self.units,

@@ -16,7 +16,7 @@ class Inbox:
 
     def __init__(self, *, newest: bool) -> None:
         self._newest = newest
-        self._frames: deque[tuple[Frame, int, int]] = deque()
+        self._frames: deque[tuple[Frame, int, int, bool]] = deque()
         self._untold = 0
         self._last: tuple[object, ...] = ()
         self.missed = 0
@@ -32,22 +32,24 @@ class Inbox:
         self.missed += count
         self._untold += count
 
-    def put(self, frame: Frame, received_time_ns: int) -> None:
+    def put(self, frame: Frame, received_time_ns: int, *, from_hello: bool = False) -> None:
         """Keep a frame; one that has been here before (the newest, shown again after a reconnect) is dropped."""
         name = (frame.session, frame.seq, frame.convention, frame.bands)
         if name == self._last:
             return
         self._last = name
         if self._newest and self._frames:
-            _, _, told = self._frames.popleft()
+            _, _, told, _ = self._frames.popleft()
             self._untold += told + 1
             self.missed += 1
-        self._frames.append((frame, received_time_ns, self._untold))
+        self._frames.append((frame, received_time_ns, self._untold, from_hello))
         self._untold = 0
 
     def take(self, mapping: str) -> LightFrame | None:
         """Return the next frame, or None where there is none."""
         if not self._frames:
             return None
-        frame, received_time_ns, missed = self._frames.popleft()
-        return LightFrame.from_wire(frame, mapping=mapping, received_time_ns=received_time_ns, missed=missed)
+        frame, received_time_ns, missed, from_hello = self._frames.popleft()
+        return LightFrame.from_wire(
+            frame, mapping=mapping, received_time_ns=received_time_ns, missed=missed, from_hello=from_hello
+        )

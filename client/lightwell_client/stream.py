@@ -13,7 +13,7 @@ from urllib.parse import quote, urlencode, urlsplit, urlunsplit
 
 import msgspec
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 from websockets.typing import Subprotocol
 
 from lightwell.conventions import Convention
@@ -39,6 +39,8 @@ from lightwell_client.frames import LightFrame
 from lightwell_client.inbox import Inbox
 
 DEFAULT_SERVER = "http://127.0.0.1:8400"
+PASSING_STATUSES = frozenset({408, 425, 429})
+"""HTTP statuses below 500 after which the same request may succeed later."""
 FIRST_PAUSE_SECONDS = 0.1
 LONGEST_PAUSE_SECONDS = 2.0
 OPEN_TIMEOUT_SECONDS = 5.0
@@ -219,6 +221,9 @@ class AsyncLightStream:
         while True:
             try:
                 await self._serve_connection()
+            except InvalidStatus as error:
+                self._require_passing(error)
+                self.last_error = str(error)
             except (OSError, TimeoutError, ConnectionClosed, InvalidHandshake, msgspec.MsgspecError) as error:
                 self.last_error = str(error) or type(error).__name__
             finally:
@@ -283,10 +288,10 @@ class AsyncLightStream:
         self.last_error = ""
         self._tell(self._on_connection, True)
         if hello.latest is not None:
-            self._put(hello.latest)
+            self._put(hello.latest, from_hello=True)
 
-    def _put(self, frame: Frame) -> None:
-        self._inbox.put(frame, time.time_ns())
+    def _put(self, frame: Frame, *, from_hello: bool = False) -> None:
+        self._inbox.put(frame, time.time_ns(), from_hello=from_hello)
         self._arrived.set()
 
     async def _end_refused(self, connection: ClientConnection, reason: str) -> None:
@@ -300,6 +305,18 @@ class AsyncLightStream:
                 raise RefusedError(f"{self.stream}: {reason}") from None
             self.last_error = reason
             raise
+
+    def _require_passing(self, error: InvalidStatus) -> None:
+        """Raise `RefusedError` where an HTTP status says that the server has no such socket for us.
+
+        Not where it was there before: a proxy may answer for a server that starts again.
+        """
+        status = error.response.status_code
+        if 400 <= status < 500 and status not in PASSING_STATUSES and not self._welcomed:
+            phrase = error.response.reason_phrase
+            raise RefusedError(
+                f"{self.stream}: {self._url} answers HTTP {status} {phrase}: check name and address"
+            ) from None
 
     def _tell(self, callback: Callable[[Any], object] | None, value: object) -> None:
         if callback is not None:

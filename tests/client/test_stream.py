@@ -58,6 +58,15 @@ async def test_frames_come_in_the_form_that_was_asked_for(server: str) -> None:
             assert changed.convention == "unity"
 
 
+async def test_the_frame_that_was_there_before_is_marked(server: str) -> None:
+    with Publisher(server, "marked") as worker:
+        worker.publish()
+        async with AsyncLightStream("marked", server, newest=False) as light:
+            assert (await light.next(10)).from_hello
+            worker.publish()
+            assert not (await light.next(10)).from_hello
+
+
 async def test_no_proxy_stands_before_a_server_on_this_machine(server: str, monkeypatch: pytest.MonkeyPatch) -> None:
     with Publisher(server, "direct") as worker:
         worker.publish()
@@ -116,6 +125,7 @@ async def test_a_refusal_is_raised_with_its_reason(server: str) -> None:
             (AsyncLightStream("nowhere", server), "there is no stream 'nowhere'"),
             (AsyncLightStream("known", server, token="wrong"), "not one of this server's"),
             (AsyncLightStream("known", server, bands=9), "<= 8 - at bands"),
+            (AsyncLightStream("a/b", server), r"a/b: ws://.* answers HTTP 40\d .*: check name and address"),
         ):
             async with light:
                 with pytest.raises(RefusedError, match=reason):

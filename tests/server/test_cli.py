@@ -70,7 +70,7 @@ def test_watch_prints_one_message_a_line(server: str) -> None:
     assert result.returncode == 0, result.stderr
     (line,) = result.stdout.splitlines()
     message: dict[str, Any] = json.loads(line)
-    assert (message["stream"], message["seq"], message["missed"]) == ("probe", 0, 0)
+    assert (message["stream"], message["seq"], message["missed"], message["from_hello"]) == ("probe", 0, 0, True)
     assert (message["bands"], message["convention"], message["units"]) == (2, "three", "relative")
     assert (message["window"], message["mapping"]) == ("none", "latlong")
     assert message["publish_time_ns"] >= message["capture_time_ns"]
@@ -86,6 +86,7 @@ def test_watch_shows_a_table(server: str) -> None:
     assert result.returncode == 0, result.stderr
     assert "stream probe" in result.stdout
     assert "irradiance" in result.stdout
+    assert "latency" not in result.stdout  # the hello's frame says nothing about it
 
 
 def test_watch_says_why_it_is_refused(server: str) -> None:

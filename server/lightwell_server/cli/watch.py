@@ -91,11 +91,13 @@ def _table(light: LightStream, history: deque[LightFrame]) -> Table:
         table.add_row("light", "no frame yet")
         return table
     newest = history[-1]
-    age = (time.time_ns() - newest.received_time_ns) / 1e9
-    latencies = sorted(frame.latency_seconds * 1000 for frame in history)
+    age = (time.time_ns() - (newest.publish_time_ns if newest.from_hello else newest.received_time_ns)) / 1e9
+    arrived = [frame for frame in history if not frame.from_hello]
+    latencies = sorted(frame.latency_seconds * 1000 for frame in arrived)
     table.add_row("frame", f"{newest.seq}, {age:.1f} s ago, {light.missed} missed")
-    table.add_row("rate", f"{frame_rate([frame.received_time_ns for frame in history]):.1f} frames/s")
-    table.add_row("latency", f"{latencies[len(latencies) // 2]:.1f} ms median, {latencies[-1]:.1f} ms longest")
+    table.add_row("rate", f"{frame_rate([frame.received_time_ns for frame in arrived]):.1f} frames/s")
+    if latencies:
+        table.add_row("latency", f"{latencies[len(latencies) // 2]:.1f} ms median, {latencies[-1]:.1f} ms longest")
     irradiance = [mean_irradiance(frame) for frame in history]
     table.add_row("irradiance", f"{sparkline(irradiance)} {irradiance[-1]:.4g} ({newest.units})")
     red, green, blue = newest.coefficients[0].tolist()
