@@ -39,6 +39,7 @@ def _option(model: type[BaseModel], field: str, *names: str) -> OptionInfo:
 
 
 def ingest(
+    context: typer.Context,
     stream: Annotated[str, typer.Option(help="name of the stream")],
     source: Annotated[str | None, typer.Argument(help=_help(StreamSettings, "source"))] = None,
     server: Annotated[str, typer.Option(help="URL of the server")] = "http://127.0.0.1:8400",
@@ -157,7 +158,9 @@ def ingest(
         print(msgspec.json.encode(status).decode(), file=output, flush=True)
 
     configure_logging(stream, log_format="json" if json else log_format, level=log_level)
-    chosen = stream_settings(settings, changes)
+    said_by = context.get_parameter_source("settings")
+    place = "LIGHTWELL_STREAM_SETTINGS" if said_by is not None and said_by.name == "ENVIRONMENT" else "--settings"
+    chosen = stream_settings(settings, changes, place)
     sys.exit(run_worker(chosen, stream, server, token, on_status=print_status if json else None))
 
 
@@ -173,35 +176,52 @@ def _take_standard_output() -> TextIO:
     return output
 
 
-def stream_settings(document: str | None, changes: dict[str, Any]) -> StreamSettings:
+def stream_settings(document: str | None, changes: dict[str, Any], place: str = "--settings") -> StreamSettings:
     """Return the settings of a JSON ``document`` (None: the defaults) with those ``changes`` that are not None.
 
     Raises
     ------
     LightwellError
-        Names the setting that is missing, unknown or out of bounds.
+        Names the setting that is missing, unknown or out of bounds; ``place`` is where the document comes from.
     """
+    from lightwell_server.config import complaint
+
     try:
         before = {} if document is None else json_module.loads(document)
-        return StreamSettings.model_validate(_changed(before, changes))
     except json_module.JSONDecodeError as error:
-        raise LightwellError(f"LIGHTWELL_STREAM_SETTINGS is no JSON: {error}") from None
+        raise LightwellError(f"{place} is no JSON: {error}") from None
+    if not isinstance(before, dict):
+        raise LightwellError(f'{place} = {document}: must be an object, such as {{"bands": 3}}')
+    try:
+        return StreamSettings.model_validate(_changed(before, changes))
     except ValidationError as error:
         first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        if name == "source":
+        if first["type"] == "missing" and first["loc"] == ("source",):
             raise LightwellError("name a source: exr:FOLDER, video:FILE or synthetic:room") from None
-        raise LightwellError(f"setting {name}: {first['msg']}") from None
+        where = "setting" if _says(changes, first["loc"]) else f"{place}:"
+        name = ".".join(str(part) for part in first["loc"])
+        raise LightwellError(f"{where} {name} {complaint(first)}") from None
 
 
 def _changed(before: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     after = dict(before)
     for name, value in changes.items():
         if isinstance(value, dict):
-            after[name] = _changed(before.get(name, {}), value)
+            inner = before.get(name, {})
+            after[name] = _changed(inner, value) if isinstance(inner, dict) else inner
         elif value is not None:
             after[name] = value
     return after
+
+
+def _says(changes: dict[str, Any], path: tuple[int | str, ...]) -> bool:
+    """Return whether the options give the value at ``path``, or the list that it belongs to."""
+    value: Any = changes
+    for key in path:
+        if not isinstance(value, dict):
+            break
+        value = value.get(key)
+    return value is not None and not isinstance(value, dict)
 
 
 def _vector(option: str, text: str | None) -> tuple[float, ...] | None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from lightwell.errors import LightwellError
@@ -24,12 +28,34 @@ def test_changes_reach_into_the_document() -> None:
     ("document", "changes", "message"),
     [
         (None, {"source": None}, "name a source"),
-        ("{", {}, "is no JSON"),
-        ('{"source": "a:", "band": 3}', {}, "setting band"),
-        (None, {"source": "a:", "bands": 99}, "setting bands: .*less than or equal to 8"),
-        (None, {"source": "a:", "mapping": {"disc": (1.0, 2.0)}}, "setting mapping.disc"),
+        ("{", {}, "--settings is no JSON"),
+        ("[]", {}, r"--settings = \[\]: must be an object"),
+        ('{"source": "a:", "band": 3}', {}, "--settings: band is no option: check its spelling"),
+        (
+            '{"source": "a:", "mapping": "x"}',
+            {"mapping": {"kind": None}},
+            "--settings: mapping = 'x': must be an object",
+        ),
+        ('{"source": "a:", "gain": 0}', {"bands": 3}, "--settings: gain = 0: must be greater than 0"),
+        (None, {"source": "a:", "bands": 99}, "setting bands = 99: .*less than or equal to 8"),
+        (None, {"source": "a:", "gain": float("inf")}, "setting gain = inf: must be a finite number"),
+        (None, {"source": "a:", "mapping": {"disc": (1.0, 2.0)}}, "setting mapping.disc.2 is missing"),
     ],
 )
 def test_errors_name_the_setting(document: str | None, changes: dict[str, object], message: str) -> None:
     with pytest.raises(LightwellError, match=message):
         stream_settings(document, changes)
+
+
+@pytest.mark.parametrize("place", ["--settings", "LIGHTWELL_STREAM_SETTINGS"])
+def test_the_command_names_where_the_document_comes_from(place: str) -> None:
+    command = [sys.executable, "-m", "lightwell_server.cli", "ingest", "--stream", "x"]
+    document = {"LIGHTWELL_STREAM_SETTINGS": "[]"} if place != "--settings" else {}
+    options = ["--settings", "[]"] if place == "--settings" else []
+    result = subprocess.run(
+        [*command, *options], capture_output=True, text=True, check=False, timeout=100, env=os.environ | document
+    )
+    assert (result.returncode, result.stderr) == (
+        1,
+        f'lightwell: {place} = []: must be an object, such as {{"bands": 3}}\n',
+    )
