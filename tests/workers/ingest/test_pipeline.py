@@ -104,6 +104,15 @@ def test_bad_frames_are_counted_each_time_and_logged_once() -> None:
     assert skipped == [("a.exr", "is cut short"), ("b.exr", "is empty")]
 
 
+def test_an_odd_first_frame_of_a_loop_is_skipped_and_logged_once() -> None:
+    lap: list[Frame | FrameError] = [frame("0", 16, 32), *(frame(str(n)) for n in range(1, 9))]
+    with structlog.testing.capture_logs() as logs:
+        pipeline, sink = run(lap * 5)
+    assert [item.source_frame for item in sink.frames][8:] == [str(n) for n in range(1, 9)] * 4
+    assert pipeline.counters.frames_skipped == 5  # one good frame of the first lap, the odd one of each other
+    assert [entry["frame"] for entry in logs if entry["event"] == "frame skipped"] == ["1", "0"]
+
+
 @pytest.mark.parametrize("position", [0, 1])
 def test_frame_too_bright_for_a_message_is_skipped(position: int) -> None:
     items: list[Frame | FrameError] = [frame("0"), frame("1"), frame("2")]
