@@ -184,10 +184,10 @@ def _data(data: Path) -> Finding:
     import shutil
     from tempfile import TemporaryFile
 
-    existing = next(folder for folder in (data.absolute(), *data.absolute().parents) if folder.is_dir())
+    existing = next(path for path in (data.absolute(), *data.absolute().parents) if path.exists())
     remedy = "give a folder that can be written to with --data"
     try:
-        with TemporaryFile(dir=existing):
+        with TemporaryFile(dir=existing):  # fails where it is a file
             pass
     except OSError as error:
         return Finding("data", False, f"{data}: cannot be written to: {error.strerror}", remedy=remedy)
