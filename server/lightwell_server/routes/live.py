@@ -27,6 +27,14 @@ log = structlog.get_logger("live")
 
 MOST_FPS = 1000.0
 
+_ALLOWED = {
+    "bands": f"1 … {MAX_STREAM_BANDS}",
+    "max_fps": f"above 0, at most {MOST_FPS:g}",
+    "convention": f"one of {', '.join(CONVENTIONS)}",
+    "backdrop": "1 or 0",
+}
+"""What each query parameter may be."""
+
 _CLOSE_CODES: dict[Cause, int] = {
     "stalled": CLOSE_POLICY,
     "queue-full": CLOSE_POLICY,
@@ -53,16 +61,13 @@ def read_query(parameters: QueryParams) -> Query:
     values = {key: value for key, value in parameters.items() if key != "token"}
     for key in values:
         if key not in Query.__struct_fields__:
-            known = ", ".join(Query.__struct_fields__)
+            known = ", ".join((*Query.__struct_fields__, "token"))
             raise RefusedError(CLOSE_POLICY, f"{key} is no parameter of this socket; there are: {known}")
     try:
         return msgspec.convert(values, Query, strict=False)
     except msgspec.ValidationError as error:
-        if "convention" in values and values["convention"] not in CONVENTIONS:
-            reason = f"convention = {values['convention'][:20]!r}: must be one of {', '.join(CONVENTIONS)}"
-        else:
-            reason = str(error).replace("$.", "").replace("`", "")
-        raise RefusedError(CLOSE_POLICY, reason) from None
+        name = str(error).rpartition("$.")[2].rstrip("`")
+        raise RefusedError(CLOSE_POLICY, f"{name}={values[name][:20]}: must be {_ALLOWED[name]}") from None
 
 
 @router.websocket("/streams/{name}/live")
@@ -141,8 +146,10 @@ async def _receive(websocket: WebSocket, subscription: Subscription) -> None:
             message = await websocket.receive()
             if message["type"] == "websocket.disconnect":
                 return
+            if message.get("bytes") is None:
+                raise RefusedError(CLOSE_POLICY, "that was text: send binary MessagePack")
             try:
-                wishes = decode_subscribe(message.get("bytes") or b"")
+                wishes = decode_subscribe(message["bytes"])
             except msgspec.MsgspecError as error:
                 raise RefusedError(CLOSE_POLICY, f"that is no subscribe message: {error}") from None
             if wishes.max_fps is not None and not 0 < wishes.max_fps <= MOST_FPS:
