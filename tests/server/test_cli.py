@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
 import socket
 import subprocess
 import sys
+from collections import deque
 from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
+from rich.console import Console
 from tests.support.publisher import Publisher, make_frame
-from tests.support.server import running_server, server_process
+from tests.support.server import running_server, server_process, wait_until
 
 from lightwell.conventions import LUMINANCE
-from lightwell_client import LightFrame
-from lightwell_server.cli.watch import frame_rate, mean_irradiance, sparkline
+from lightwell_client import LightFrame, LightStream
+from lightwell_server.cli.watch import _table, frame_rate, mean_irradiance, sparkline
 
 
 def lightwell(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -98,6 +101,31 @@ def test_watch_says_why_it_is_refused(server: str) -> None:
     assert "must be one of lightwell, three" in " ".join(result.stderr.replace("│", " ").split())
 
 
+@pytest.mark.parametrize("server", ["localhost:8400", "htp://x"])
+def test_watch_takes_only_urls(server: str) -> None:
+    result = lightwell("watch", "probe", "--server", server)
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"lightwell: --server: server {server!r} is no URL such as http://")
+
+
+def test_watch_says_why_there_is_no_connection() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        url = f"http://127.0.0.1:{free.getsockname()[1]}"
+    command = [sys.executable, "-m", "lightwell_server.cli", "watch", "probe", "--json", "--server", url]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+    assert line.startswith("lightwell: no connection: ")
+    assert "Connect call failed" in line
+    with LightStream("probe", url) as light:
+        wait_until(lambda: light.last_error)
+        output = io.StringIO()
+        Console(width=120, file=output).print(_table(light, deque()))
+    assert "Connect call failed" in output.getvalue()
+
+
 def test_doctor_finds_this_machine_well(tmp_path: Path) -> None:
     result = lightwell("doctor", "--json", "--data", str(tmp_path))
     report = json.loads(result.stdout)
@@ -116,6 +144,14 @@ def test_doctor_names_the_remedy(tmp_path: Path) -> None:
     assert f"✗ port: {port}: Address already in use" in result.stdout
     assert f"  → stop what uses port {port}, or serve with another --port" in result.stdout
     assert result.returncode == 0  # another port will do
+
+
+def test_doctor_refuses_a_file_for_the_data(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    result = lightwell("doctor", "--data", str(file))
+    assert f"✗ data: {file}: cannot be written to: Not a directory" in result.stdout
+    assert result.returncode == 1
 
 
 @pytest.mark.slow

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from lightwell.errors import LightwellError
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -34,7 +36,10 @@ def watch(
     chosen = next((name for name in CONVENTIONS if name == convention), None)
     if chosen is None:
         raise typer.BadParameter(f"{convention!r}: must be one of {', '.join(CONVENTIONS)}", param_hint="--convention")
-    light = LightStream(stream, server, bands=bands, convention=chosen, token=token, newest=not json)
+    try:
+        light = LightStream(stream, server, bands=bands, convention=chosen, token=token, newest=not json)
+    except ValueError as error:
+        raise LightwellError(f"--server: {error}") from None
     try:
         with light:
             if json:
@@ -46,12 +51,21 @@ def watch(
 
 
 def _print_lines(light: LightStream, count: int | None) -> None:
+    """Print frames as they come; on standard error, why there is no connection, once for each reason."""
     import json
+    import sys
 
-    for number, frame in enumerate(light, 1):
-        print(json.dumps(frame.as_json()), flush=True)
-        if number == count:
-            return
+    from lightwell_client import LightTimeoutError
+
+    taken, said = 0, ""
+    while count is None or taken < count:
+        try:
+            print(json.dumps(light.next(within_seconds=1.0).as_json()), flush=True)
+            taken, said = taken + 1, ""
+        except LightTimeoutError:
+            if light.last_error not in ("", said):
+                print(f"lightwell: no connection: {light.last_error}", file=sys.stderr, flush=True)
+            said = light.last_error
 
 
 def _show_table(light: LightStream, count: int | None) -> None:
@@ -83,6 +97,8 @@ def _table(light: LightStream, history: deque[LightFrame]) -> Table:
     table.add_column(min_width=HISTORY)
     connection = "connected" if light.connected else "not connected, trying again"
     table.add_row("connection", f"{connection}, {light.reconnects} reconnects")
+    if light.last_error:
+        table.add_row("", light.last_error)
     if info is not None:
         table.add_row("source", f"{info.source} ({info.mapping}, {status.state if status else info.state})")
     if status is not None and status.last_error:
