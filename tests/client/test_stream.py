@@ -124,7 +124,7 @@ async def test_a_refusal_is_raised_with_its_reason(server: str) -> None:
         for light, reason in (
             (AsyncLightStream("nowhere", server), "there is no stream 'nowhere'"),
             (AsyncLightStream("known", server, token="wrong"), "not one of this server's"),
-            (AsyncLightStream("known", server, bands=9), "<= 8 - at bands"),
+            (AsyncLightStream("known", server, bands=9), "bands=9: must be 1 … 8"),
             (AsyncLightStream("a/b", server), r"a/b: ws://.* answers HTTP 40\d .*: check name and address"),
         ):
             async with light:
