@@ -16,7 +16,30 @@ from lightwell.probe.mapping import Bools, Floats
 
 
 class RadialMapping(CentredDiscMapping):
-    """The picture's centre looks forward; a point at disc radius ρ looks ``θ(ρ)`` away from there."""
+    """The picture's centre looks forward; a point at disc radius ρ looks ``θ(ρ)`` away from there.
+
+    ``fov_degrees`` is the field of view across the disc; ``half_field``, half of it in radians, is θ at the rim.
+    """
+
+    def __init__(
+        self,
+        height: int,
+        width: int,
+        fov_degrees: float,
+        disc: Disc | None = None,
+        forward: tuple[float, float, float] = DEFAULT_FORWARD,
+        up: tuple[float, float, float] = DEFAULT_UP,
+    ) -> None:
+        self.half_field = math.radians(fov_degrees) / 2
+        super().__init__(height, width, disc, forward, up)
+        if self.half_field < math.pi:
+            self.blind_axis = self.world_from_camera[:, 2].copy()
+            self.blind_half_angle = math.pi - self.half_field
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Hashable identity."""
+        return (*super().key, type(self).__name__, self.half_field)
 
     @abstractmethod
     def _angle(self, rho: Floats) -> Floats:
@@ -56,27 +79,9 @@ class RadialMapping(CentredDiscMapping):
 
 
 class Equidistant(RadialMapping):
-    """Equidistant fisheye: ``θ = θ_m ρ``, ``J = θ_m sin(θ_m ρ)/ρ``; ``fov_degrees`` is the field across the disc."""
+    """Equidistant fisheye: ``θ = θ_m ρ``, ``J = θ_m sin(θ_m ρ)/ρ``."""
 
     kind: ClassVar[str] = "fisheye"
-
-    def __init__(
-        self,
-        height: int,
-        width: int,
-        fov_degrees: float,
-        disc: Disc | None = None,
-        forward: tuple[float, float, float] = DEFAULT_FORWARD,
-        up: tuple[float, float, float] = DEFAULT_UP,
-    ) -> None:
-        self.half_field = _half_field(fov_degrees)
-        super().__init__(height, width, disc, forward, up)
-        _set_blind_cone(self, self.half_field)
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """Hashable identity."""
-        return (*super().key, "equidistant", self.half_field)
 
     @property
     def rim_is_weightless(self) -> bool:
@@ -114,33 +119,14 @@ class Equisolid(RadialMapping):
 
     kind: ClassVar[str] = "fisheye"
 
-    def __init__(
-        self,
-        height: int,
-        width: int,
-        fov_degrees: float,
-        disc: Disc | None = None,
-        forward: tuple[float, float, float] = DEFAULT_FORWARD,
-        up: tuple[float, float, float] = DEFAULT_UP,
-    ) -> None:
-        self.half_field = _half_field(fov_degrees)
-        self._sin_quarter_field = math.sin(self.half_field / 2)
-        super().__init__(height, width, disc, forward, up)
-        _set_blind_cone(self, self.half_field)
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """Hashable identity."""
-        return (*super().key, "equisolid", self.half_field)
-
     def _angle(self, rho: Floats) -> Floats:
-        return 2 * np.arcsin(np.minimum(rho * self._sin_quarter_field, 1))
+        return 2 * np.arcsin(np.minimum(rho * math.sin(self.half_field / 2), 1))
 
     def _radius(self, theta: Floats) -> Floats:
-        return np.sin(theta / 2) / self._sin_quarter_field
+        return np.sin(theta / 2) / math.sin(self.half_field / 2)
 
     def _jacobian(self, rho: Floats) -> Floats:
-        return np.full(np.shape(rho), 4 * self._sin_quarter_field**2)
+        return np.full(np.shape(rho), 4 * math.sin(self.half_field / 2) ** 2)
 
 
 def make_fisheye(
@@ -163,8 +149,10 @@ def make_fisheye(
         Where the field of view is out of bounds, or the disc's rim would look further than straight back.
     """
     disc = disc if disc is not None else (width / 2, height / 2, width / 2)
+    if not 1 <= fov_degrees <= 360:
+        raise MappingError(f"--fov-degrees: a fisheye's field of view is 1 … 360 degrees, not {fov_degrees:g}")
     widths = disc[2] / (width / 2)
-    half_field = _half_field(fov_degrees)
+    half_field = math.radians(fov_degrees) / 2
     if lens == "equidistant":
         turns = half_field * widths / math.pi
         disc_degrees = 360 * turns
@@ -178,15 +166,3 @@ def make_fisheye(
         )
     lens_class = Equidistant if lens == "equidistant" else Equisolid
     return lens_class(height, width, min(disc_degrees, 360), disc, forward, up)
-
-
-def _half_field(fov_degrees: float) -> float:
-    if not 1 <= fov_degrees <= 360:
-        raise MappingError(f"--fov-degrees: a fisheye's field of view is 1 … 360 degrees, not {fov_degrees:g}")
-    return math.radians(fov_degrees) / 2
-
-
-def _set_blind_cone(mapping: RadialMapping, half_field: float) -> None:
-    if half_field < math.pi:
-        mapping.blind_axis = mapping.world_from_camera[:, 2].copy()
-        mapping.blind_half_angle = math.pi - half_field
