@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Self, TypeVar
 from urllib.parse import quote
@@ -68,24 +67,7 @@ class _StreamList(msgspec.Struct):
     streams: list[Stream]
 
 
-class _LatestBody(msgspec.Struct):
-    stream: str
-    session: str
-    seq: int
-    capture_time_ns: int
-    publish_time_ns: int
-    bands: int
-    convention: Convention
-    units: Units
-    window: str
-    mapping: str
-    coefficients: list[tuple[float, float, float]]
-    quality: Quality
-    dominant: DominantLight | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Latest:
+class Latest(msgspec.Struct, frozen=True, eq=False):
     """The newest coefficients of a stream."""
 
     stream: str
@@ -100,7 +82,7 @@ class Latest:
     mapping: str
     coefficients: NDArray[np.float32]
     """``(bands², 3)`` float32."""
-    quality: Quality = field(repr=False)
+    quality: Quality
     dominant: DominantLight | None = None
 
 
@@ -170,9 +152,7 @@ class Lightwell:
         query: dict[str, str | int] = {"convention": convention}
         if bands is not None:
             query["bands"] = bands
-        body = self._typed(_LatestBody, self._request("GET", f"{_path(name)}/latest", params=query))
-        values = {key: getattr(body, key) for key in body.__struct_fields__}
-        return Latest(**values | {"coefficients": np.array(body.coefficients, dtype=np.float32)})
+        return self._typed(Latest, self._request("GET", f"{_path(name)}/latest", params=query))
 
     def is_alive(self) -> bool:
         """Return whether the server answers."""
@@ -208,7 +188,12 @@ class Lightwell:
             raise ProblemError(response.status_code, "about:blank", reason) from None
 
     def _typed(self, kind: type[Typed], response: httpx.Response) -> Typed:
-        return msgspec.json.decode(response.content, type=kind)
+        return msgspec.json.decode(response.content, type=kind, dec_hook=_array)
+
+
+def _array(kind: type, value: object) -> NDArray[np.float32]:
+    """Return a JSON list of lists as an array: the one type in the answers that msgspec does not know."""
+    return np.array(value, dtype=np.float32)
 
 
 def _path(name: str) -> str:

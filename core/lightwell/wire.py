@@ -260,7 +260,7 @@ LiveMessage = Hello | Frame | Missed | Backdrop | Heartbeat | StreamStatus | Ref
 WorkerMessage = Announce | Frame | Backdrop | StreamStatus
 """What the server may receive on the publish socket."""
 
-PublishReply = Welcome | Configure | Refused | Heartbeat
+PublishReply = Welcome | Configure | Refused
 """What a worker may receive on the publish socket."""
 
 _encoder = msgspec.msgpack.Encoder()

@@ -17,7 +17,6 @@ was loaded from this machine may do: a page that a hostile name server has point
 from __future__ import annotations
 
 import hmac
-import ipaddress
 import secrets
 from collections.abc import Iterable
 from enum import IntEnum
@@ -26,6 +25,7 @@ from urllib.parse import urlsplit
 from pydantic import SecretStr
 from starlette.requests import HTTPConnection
 
+from lightwell.loopback import is_loopback, is_loopback_host
 from lightwell_server.config import AuthSettings, ServerSettings
 from lightwell_server.problems import Problem
 
@@ -54,7 +54,7 @@ class Auth:
 
     def warnings(self, host: str) -> list[str]:
         """Return what should be said when the server listens on ``host``."""
-        if is_loopback(host):
+        if is_loopback_host(host):
             return []
         unsaid = []
         if not self._tokens[Scope.READ]:
@@ -99,7 +99,7 @@ class Auth:
         origin = connection.headers.get("origin")
         local = (
             connection.client is not None
-            and is_loopback(connection.client.host)
+            and is_loopback_host(connection.client.host)
             and (origin is None or _is_local_origin(origin))
         )
         if local:
@@ -117,21 +117,9 @@ class Auth:
         raise Problem(403, "origin", f"pages of {origin} may not use this server: add it to [server] allowed_origins")
 
 
-def is_loopback(host: str) -> bool:
-    """Return whether a host name or address is this machine itself."""
-    if host.lower() == "localhost" or host.lower().endswith(".localhost"):
-        return True
-    try:
-        address = ipaddress.ip_address(host.split("%")[0])
-    except ValueError:
-        return False
-    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
-    return (mapped or address).is_loopback
-
-
 def _is_local_origin(origin: str) -> bool:
     try:
-        return is_loopback(urlsplit(origin).hostname or "")
+        return is_loopback(origin)
     except ValueError:
         return False
 

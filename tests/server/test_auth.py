@@ -13,8 +13,9 @@ from starlette.requests import HTTPConnection
 from tests.support.publisher import Publisher
 from tests.support.server import problem, receive, running_server, subscribe
 
+from lightwell.loopback import is_loopback_host
 from lightwell.wire import CLOSE_UNAUTHORIZED, Hello, Refused
-from lightwell_server.auth import Auth, Scope, is_loopback
+from lightwell_server.auth import Auth, Scope
 from lightwell_server.config import AuthSettings, ServerSettings
 from lightwell_server.problems import Problem
 
@@ -196,4 +197,4 @@ def test_listening_on_the_network_without_tokens_is_warned_of() -> None:
     [("localhost", True), ("a.localhost", True), ("127.9.9.9", True), ("::1", True), ("10.0.0.1", False), ("x", False)],
 )
 def test_is_loopback(host: str, loopback: bool) -> None:
-    assert is_loopback(host) is loopback
+    assert is_loopback_host(host) is loopback

@@ -102,7 +102,15 @@ async def _serve(
         end=lambda code, reason: None if ended.done() else ended.set_result(RefusedError(code, reason)),
     )
     channel.attach(publisher)
-    log.info("worker connected", stream=name, address=address, embedded=embedded, host=announce.hostname)
+    log.info(
+        "worker connected",
+        stream=name,
+        address=address,
+        embedded=embedded,
+        host=announce.hostname,
+        pid=announce.pid,
+        version=announce.worker_version,
+    )
     receiving = asyncio.ensure_future(_receive(websocket, channel, publisher, parts))
     sending = asyncio.ensure_future(_send(websocket, settings, outgoing, parts.session))
     try:
