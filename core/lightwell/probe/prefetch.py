@@ -12,9 +12,9 @@ from numba.np import arrayobj
 
 CACHE_LINE_BYTES = 64
 
+# These parts of numba carry no types.
 _arrays: Any = arrayobj
 _codegen: Any = cgutils
-# These parts of numba carry no types.
 
 
 def _prefetch(typing_context: Any, array: Any, row: Any, column: Any) -> Any:  # noqa: ANN401
