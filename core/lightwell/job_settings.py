@@ -1,0 +1,113 @@
+"""Settings of jobs and of their queue: typed, bounded and described in one place.
+
+The command line, ``lightwell.toml``, the REST API and the executor all use these models, like those of streams in
+`lightwell.settings`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from lightwell.conventions import DEFAULT_BANDS
+from lightwell.settings import Settings, Vector3, WindowSettings
+
+JobKind = Literal["ilf-grid", "capture-reduce"]
+JobState = Literal["queued", "running", "cancelling", "cancelled", "failed", "succeeded"]
+RepairKind = Literal["pull-push", "mipmap", "bilateral", "none"]
+GradientKind = Literal["none", "central", "regression"]
+Resolution = Annotated[tuple[int, int, int], Field(description="cells along x, y and z")]
+
+MAX_GRID_BANDS = 6
+MAX_CELLS = 1 << 25
+DEFAULT_PRIORITY = 100
+
+
+def _resolutions(value: Any) -> Any:  # noqa: ANN401
+    """Take ``64``, ``[64, 64, 32]`` and lists of either."""
+    if isinstance(value, int):
+        return ((value, value, value),)
+    if isinstance(value, list | tuple):
+        if len(value) == 3 and all(isinstance(item, int) for item in value):
+            return (tuple(value),)
+        return tuple((item, item, item) if isinstance(item, int) else item for item in value)
+    return value
+
+
+class IlfGridSettings(Settings):
+    """Resampling of a capture to a regular grid of SH coefficients (paper 000; MATHS §6)."""
+
+    capture: str = Field(min_length=1, description="id of a registered capture, or its folder below a data root")
+    resolutions: Annotated[tuple[Resolution, ...], BeforeValidator(_resolutions)] = Field(
+        ((32, 32, 32),), min_length=1, max_length=8, description="cells along x, y and z; several grids in one pass"
+    )
+    bounds: tuple[Vector3, Vector3] | None = Field(
+        None, description="lower and upper corner of the grid, metres; default: the box round the probes"
+    )
+    bands: int = Field(DEFAULT_BANDS, ge=1, le=MAX_GRID_BANDS, description="SH bands; bands² coefficients a cell")
+    support_cells: float = Field(3.0, gt=0.5, le=16, description="diameter of the Gaussian kernel's support, cells")
+    sigma_cells: float = Field(0.5, gt=0.05, le=8, description="standard deviation of the Gaussian kernel, cells")
+    viewpoint: Literal["correct", "ignore"] = Field(
+        "correct", description="shift each direction's rays to where a mirror sphere reflected them, or do not"
+    )
+    weights: Literal["solid-angle", "paper"] = Field(
+        "solid-angle", description="each pixel's solid angle, or the paper's constant 4π/N"
+    )
+    blind: Literal["fill", "zero"] = Field("fill", description="what the probe cannot see: from its rim, or dark")
+    repair: RepairKind = Field(
+        "pull-push",
+        description="cells without a sample: pull-push across the direction, the paper's 3D mip-map,"
+        " joint bilateral, or left dark (none)",
+    )
+    window: WindowSettings = WindowSettings()
+    gradients: GradientKind = Field(
+        "none", description="gradient of the coefficients: central differences or local-linear kernel regression"
+    )
+    precision: Literal["float32", "float16"] = Field("float32", description="type of the stored coefficients")
+    adaptive_tolerance: float | None = Field(
+        None, gt=0, lt=1, description="also write an adaptive grid that stays within this relative error"
+    )
+    directions: int = Field(
+        16384, ge=64, le=262144, description="rotating rigs: directions to which each probe is gathered"
+    )
+    frame_width: int = Field(0, ge=0, le=8192, description="width in pixels to downsample frames to; 0: as they are")
+    sample_format: Literal["half", "float"] = Field("half", description="type of the sorted samples")
+    memory_mb: int = Field(1024, ge=64, description="memory that sorting and resampling may each use, megabytes")
+    compare: bool = Field(True, description="simulated captures: report the error against the exact field")
+
+
+class CaptureReduceSettings(Settings):
+    """Adaptive subsampling of a capture (paper 000 §5.1; MATHS §6)."""
+
+    capture: str = Field(min_length=1, description="id of a registered capture, or its folder below a data root")
+    tolerance: float = Field(
+        0.02, gt=0, lt=2, description="a probe is dropped where it differs by less from the last one kept and the next"
+    )
+    max_distance_m: float | None = Field(
+        None, gt=0, description="largest distance between probes that are kept, metres; default: from the density"
+    )
+
+
+class JobsSettings(Settings):
+    """The queue of long jobs and the executor that works on it."""
+
+    embedded: bool = Field(True, description="run one executor process beside the server")
+    database_url: str | None = Field(
+        None, description="postgresql://… for the queue's state; none: SQLite in the data directory"
+    )
+    scheduler: str | None = Field(
+        None, description="address of a Dask scheduler, tcp:// or tls://; none: processes on this machine"
+    )
+    processes: int = Field(0, ge=0, le=1024, description="compute processes on this machine; 0: one a core")
+    concurrency: int = Field(2, ge=1, le=64, description="jobs at once")
+    data_roots: tuple[Path, ...] = Field(
+        (), description="folders below which captures may lie, beside captures/ in the data directory"
+    )
+    quota_mb: int = Field(100_000, ge=1, description="disk that all jobs may use together, megabytes")
+    min_free_mb: int = Field(500, ge=0, description="free disk that a job must leave, megabytes")
+    retention_days: float = Field(30.0, gt=0, description="finished jobs and their results are deleted after, days")
+    executor: str = Field(
+        "executor-0", pattern=r"^[A-Za-z0-9_.-]{1,64}$", description="name of this executor; one live process has it"
+    )
