@@ -47,11 +47,11 @@ class GridSpec:
     @property
     def voxel(self) -> Floats:
         """Size of a cell along x, y and z, metres ``(3,)``."""
-        return (np.array(self.upper) - np.array(self.lower)) / np.array(self.resolution)
+        return np.asarray((np.array(self.upper) - np.array(self.lower)) / np.array(self.resolution))
 
     def to_cells(self, points: ArrayLike) -> Floats:
         """Return points ``(…, 3)`` in metres in cell units."""
-        return (np.asarray(points, dtype=np.float64) - np.array(self.lower)) / self.voxel
+        return np.asarray((np.asarray(points, dtype=np.float64) - np.array(self.lower)) / self.voxel)
 
     def centres(self) -> Floats:
         """Return the cells' centres, ``(z, y, x, 3)`` in metres."""
