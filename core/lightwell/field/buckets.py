@@ -14,8 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.probe.matrix import projection_matrix, unseen_moments
 from lightwell.probe.mapping import Mapping
+from lightwell.probe.matrix import projection_matrix, unseen_moments
 from lightwell.probe.mirror_sphere import MirrorSphere
 from lightwell.probe.reduced import ReducedMapping
 from lightwell.probe.rim import rim_weights

@@ -1,0 +1,208 @@
+"""Resampling of direction buckets to a grid of SH coefficients (paper 000 §3; MATHS §6).
+
+For every direction the samples of all probes are splatted onto the plane across it (`lightwell.field.plane`), holes are
+repaired there, every cell of the grid reads the plane where the direction's ray passes it, and what it reads is added
+to its coefficients. Blocks of directions are added as one matrix product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.field.layers import add_coverage, fill_tile
+from lightwell.field.plane import AXES, CHANNELS, Plane, gaussian_table, make_plane, normalise, splat, split
+from lightwell.field.repair import pull_push
+from lightwell.field.spec import Floats, GridSpec
+from lightwell.field.sums import FieldSums, layered
+from lightwell.job_settings import RepairKind
+
+Singles = NDArray[np.float32]
+
+BLOCK = 64
+"""Directions in one matrix product."""
+TILE_CELLS = 2048
+"""Cells that are filled and multiplied at a time, so that they stay in the processor's cache."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """The Gaussian with which samples are spread; lengths in cells."""
+
+    support_cells: float = 3.0
+    """Diameter beyond which a sample has no weight."""
+    sigma_cells: float = 0.5
+    """Standard deviation."""
+
+
+def accumulate(
+    sums: FieldSums,
+    positions: Floats,
+    directions: Floats,
+    offsets: Floats,
+    radiance: Singles,
+    rows: Floats,
+    weights: Floats,
+    kernel: Kernel,
+    repair: RepairKind = "pull-push",
+) -> None:
+    """Add K directions to the sums of a grid.
+
+    Parameters
+    ----------
+    positions
+        ``(P, 3)`` metres.
+    directions
+        ``(K, 3)`` unit vectors in world axes.
+    offsets
+        ``(K, 3)``, or ``(K, P, 3)`` where the probes are turned differently: from a probe's position to its ray.
+    radiance
+        ``(K, P, 3)`` float32; NaN where a probe has no sample in that direction.
+    rows
+        ``(K, bands²)``: what radiance 1 in the direction adds to each coefficient.
+    weights
+        ``(K,)`` solid angles, steradian.
+
+    The same input gives the same bytes.
+    """
+    spec = sums.spec
+    scaled = directions / spec.voxel
+    scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
+    centres = spec.to_cells(positions)
+    # Samples that lie together in space lie together in every plane: the lattice stays in the cache.
+    order = _space_order(centres)
+    centres = centres[order]
+    layer_axis = np.argmax(np.abs(scaled), axis=1)
+    workspace = _Workspace()
+    for axis in range(3):
+        of_axis = np.flatnonzero(layer_axis == axis)
+        if of_axis.size == 0:
+            continue
+        tiles = _Tiles(spec, axis, sums.coefficients.shape[3], workspace)
+        for first in range(0, of_axis.size, BLOCK):
+            chosen = of_axis[first : first + BLOCK]
+            block = _Block(spec, scaled[chosen], kernel, workspace)
+            for k, q in enumerate(chosen):
+                offset = offsets[q] if offsets.ndim == 2 else offsets[q, order]
+                if not block.add(k, centres + offset / spec.voxel, radiance[q, order], repair):
+                    sums.dark += float(weights[q])
+            tiles.add(block, rows[chosen], weights[chosen])
+        tiles.finish(sums)
+
+
+def _space_order(points: Floats) -> NDArray[np.intp]:
+    """Return an order of points ``(P, 3)`` along a space-filling curve (Morton's, 4 cells a step)."""
+    steps = np.clip(np.floor(points / 4) + 512, 0, 1023).astype(np.int64)
+    code = np.zeros(len(points), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= ((steps[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+class _Workspace:
+    """Memory that is used again: fresh pages for every block would cost as much as the work in them."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[str, Singles] = {}
+
+    def take(self, name: str, size: int) -> Singles:
+        """Return a flat array of ``size`` with whatever it held before."""
+        if name not in self._arrays or self._arrays[name].size < size:
+            self._arrays[name] = np.empty(size, np.float32)
+        return self._arrays[name][:size]
+
+
+class _Block:
+    """The planes of up to `BLOCK` directions of one layer axis."""
+
+    def __init__(self, spec: GridSpec, directions: Floats, kernel: Kernel, workspace: _Workspace) -> None:
+        self.planes: list[Plane] = [make_plane(direction, spec.resolution) for direction in directions]
+        sizes = [CHANNELS * plane.nodes[0] * plane.nodes[1] for plane in self.planes]
+        self.starts = np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(np.int64)
+        self.data = workspace.take("planes", sum(sizes))
+        self.nodes = np.array([plane.nodes for plane in self.planes], np.int64)
+        self.origins = np.array([plane.origin for plane in self.planes])
+        self.slopes = np.array([plane.slope for plane in self.planes])
+        self.middle = self.planes[0].middle
+        self._workspace = workspace
+        self._radius = kernel.support_cells / 2
+        self._table = gaussian_table(kernel.support_cells, kernel.sigma_cells)
+        u_axis, v_axis = AXES[self.planes[0].axis]
+        self._spans = np.array([spec.resolution[u_axis], spec.resolution[v_axis]], np.int64)
+
+    def add(self, k: int, points: Floats, radiance: Singles, repair: RepairKind) -> bool:
+        """Make the k-th plane from samples at ``points`` ``(P, 3)`` in cells; return whether any reached it."""
+        plane = self.planes[k]
+        u, v = plane.project(points)
+        size = CHANNELS * plane.nodes[0] * plane.nodes[1]
+        lattice = self._workspace.take("lattice", size).reshape(*plane.nodes, CHANNELS)
+        lattice.fill(0)
+        origin, slope = np.array(plane.origin), np.array(plane.slope)
+        splat(u, v, radiance, np.array(plane.metric), origin, self._radius, self._table, lattice)
+        found, missing = normalise(lattice, origin, slope, self._spans, plane.middle - 0.5)
+        if found and missing and repair == "pull-push":
+            pull_push(lattice[..., :3], np.ascontiguousarray(lattice[..., 3]))
+        start = int(self.starts[k])
+        split(lattice, self.data[start : start + size].reshape(CHANNELS, plane.nodes[0], 2, plane.nodes[1] // 2))
+        return bool(found)
+
+
+class _Tiles:
+    """Sums over directions of one layer axis, tile by tile."""
+
+    def __init__(self, spec: GridSpec, axis: int, coefficients: int, workspace: _Workspace) -> None:
+        self.axis = axis
+        shape = layered(np.empty(spec.shape, np.float32), axis).shape
+        layers, height, width = shape
+        tall = max(1, min(height, TILE_CELLS // width))
+        deep = max(1, min(layers, TILE_CELLS // (width * tall)))
+        self.tiles = [
+            _Tile(
+                layer,
+                row,
+                np.zeros((coefficients, 3, min(deep, layers - layer), min(tall, height - row), width), np.float32),
+            )
+            for layer in range(0, layers, deep)
+            for row in range(0, height, tall)
+        ]
+        self.coverage = np.zeros(shape, np.float32)
+        self.samples = np.zeros(shape, np.float32)
+        self._workspace = workspace
+
+    def add(self, block: _Block, rows: Floats, weights: Floats) -> None:
+        """Add the directions of a block."""
+        geometry = (block.data, block.starts, block.nodes, block.origins, block.slopes, block.middle)
+        add_coverage(*geometry, weights, self.coverage, self.samples)
+        rows_t = np.ascontiguousarray(rows.T, np.float32)
+        for tile in self.tiles:
+            cells = tile.sums[0].size
+            shape = (len(block.planes), *tile.sums.shape[1:])
+            radiance = self._workspace.take("radiance", len(block.planes) * cells).reshape(shape)
+            fill_tile(*geometry, tile.layer, tile.row, radiance)
+            product = self._workspace.take("product", tile.sums.size).reshape(-1, cells)
+            np.matmul(rows_t, radiance.reshape(-1, cells), out=product)
+            sums = tile.sums.reshape(-1, cells)
+            sums += product
+
+    def finish(self, sums: FieldSums) -> None:
+        """Add what was gathered to the sums of the whole grid."""
+        coefficients = layered(sums.coefficients, self.axis)
+        for tile in self.tiles:
+            depth, count = tile.sums.shape[2:4]
+            part = coefficients[tile.layer : tile.layer + depth, tile.row : tile.row + count]
+            part += tile.sums.transpose(2, 3, 4, 0, 1)
+        layered(sums.coverage, self.axis)[...] += self.coverage
+        layered(sums.samples, self.axis)[...] += self.samples
+
+
+class _Tile(NamedTuple):
+    """Some rows of some layers."""
+
+    layer: int
+    row: int
+    sums: Singles
+    """``(bands², 3, layers, rows, U)``."""
