@@ -82,6 +82,7 @@ def unit_offsets(mapping: Mapping, directions: Floats) -> Floats:
     source = mapping.source if isinstance(mapping, ReducedMapping) else mapping
     if not isinstance(source, MirrorSphere):
         return np.zeros_like(directions)
+    assert source.blind_axis is not None
     return sphere_offsets(directions, source.blind_axis, source.view.ratio)
 
 

@@ -11,7 +11,7 @@ from lightwell.field.plane import CHANNELS, SPACING
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def fill_tile(  # type: ignore[no-untyped-def]  # noqa: ANN201
+def fill_tile(  # type: ignore[no-untyped-def]
     planes,
     starts,
     nodes,
@@ -20,7 +20,7 @@ def fill_tile(  # type: ignore[no-untyped-def]  # noqa: ANN201
     middle,
     first_layer,
     first_row,
-    out,  # noqa: ANN001
+    out,
 ):
     """Interpolate K planes at the cells of a tile: ``out`` ``(K, 3, layers, rows, U)`` float32.
 
@@ -57,7 +57,7 @@ def fill_tile(  # type: ignore[no-untyped-def]  # noqa: ANN201
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def add_coverage(  # type: ignore[no-untyped-def]  # noqa: ANN201
+def add_coverage(  # type: ignore[no-untyped-def]
     planes,
     starts,
     nodes,
@@ -66,7 +66,7 @@ def add_coverage(  # type: ignore[no-untyped-def]  # noqa: ANN201
     middle,
     weights,
     coverage,
-    samples,  # noqa: ANN001
+    samples,
 ):
     """Add each direction's solid angle where it had samples, and the kernel weight gathered, times solid angle.
 

@@ -90,7 +90,7 @@ def gaussian_table(support: float, sigma: float) -> Singles:
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
-def splat(u, v, radiance, metric, origin, radius, table, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def splat(u, v, radiance, metric, origin, radius, table, out):  # type: ignore[no-untyped-def]
     """Add samples to a lattice ``out`` ``(V, U, 4)`` float32: ``Σ w L`` in three channels and ``Σ w`` in the fourth.
 
     ``u``, ``v`` ``(P,)`` float64 are the samples' plane coordinates, ``radiance`` ``(P, 3)`` float32 with NaN for no
@@ -131,11 +131,11 @@ def splat(u, v, radiance, metric, origin, radius, table, out):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def normalise(lattice, origin, slope, spans, reach):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def normalise(lattice, origin, slope, spans, reach):  # type: ignore[no-untyped-def]
     """Divide the sums of a lattice ``(V, U, 4)`` by their weight, in place.
 
-    ``spans`` are the numbers of cells along u and v, ``reach`` is (W − 1)/2. Returns how many nodes have weight, and how
-    many have none although some cell of some layer reads them: the rest of the lattice's box is of no consequence.
+    ``spans`` are the numbers of cells along u and v, ``reach`` is (W − 1)/2. Returns how many nodes have weight, and
+    how many have none although some cell of some layer reads them: the rest of the lattice is of no consequence.
     """
     found, missing = 0, 0
     for row in range(lattice.shape[0]):
@@ -167,7 +167,7 @@ def normalise(lattice, origin, slope, spans, reach):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def split(lattice, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def split(lattice, out):  # type: ignore[no-untyped-def]
     """Copy a lattice ``(V, U, C)`` to planes ``out`` ``(C, V, 2, U/2)``: even nodes apart from odd ones.
 
     A layer reads every second node, so that neighbours in the grid become neighbours in memory.

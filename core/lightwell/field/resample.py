@@ -160,15 +160,11 @@ class _Tiles:
         layers, height, width = shape
         tall = max(1, min(height, TILE_CELLS // width))
         deep = max(1, min(layers, TILE_CELLS // (width * tall)))
-        self.tiles = [
-            _Tile(
-                layer,
-                row,
-                np.zeros((coefficients, 3, min(deep, layers - layer), min(tall, height - row), width), np.float32),
-            )
-            for layer in range(0, layers, deep)
-            for row in range(0, height, tall)
-        ]
+        self.tiles = []
+        for layer in range(0, layers, deep):
+            for row in range(0, height, tall):
+                part = (min(deep, layers - layer), min(tall, height - row), width)
+                self.tiles.append(_Tile(layer, row, np.zeros((coefficients, 3, *part), np.float32)))
         self.coverage = np.zeros(shape, np.float32)
         self.samples = np.zeros(shape, np.float32)
         self._workspace = workspace

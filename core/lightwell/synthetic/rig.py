@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from lightwell.field.buckets import unit_offsets
 from lightwell.probe.mapping import Mapping
 from lightwell.probe.mirror_sphere import MirrorSphere
-from lightwell.synthetic.scene import Floats, Scene, Vector, trace_one
+from lightwell.synthetic.scene import Floats, Scene, Vector
+from lightwell.synthetic.tracing import trace_one
 
 Layout = Literal["random", "planes", "raster"]
 
