@@ -1,8 +1,8 @@
 """The layout in which a browser uploads a grid to the GPU: four coefficients a texel (WEB.md §2, §4).
 
 Coefficients are packed in groups of four: group g is the three tiles ``3g, 3g+1, 3g+2`` whose texels hold the red,
-green and blue parts of the coefficients ``4g … 4g+3``. A count that is one above a multiple of four (1, 9, 25) ends with one
-tile that holds red, green and blue of the last coefficient; 4, 16 and 36 divide evenly.
+green and blue parts of the coefficients ``4g … 4g+3``. A count that is one above a multiple of four (1, 9, 25) ends
+with one tile that holds red, green and blue of the last coefficient; 4, 16 and 36 divide evenly.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ def open_grid(path: Path) -> Grid:
         raise GridError(f"{path}: is no grid: a Zarr v3 group has a zarr.json")
     try:
         group = zarr.open_group(path, mode="r", zarr_format=3)
-        attributes = dict(group.attrs)
+        attributes: dict[str, Any] = dict(group.attrs)
         if attributes.get("format") != FORMAT:
             raise GridError(f"{path}: is a Zarr group, but no {FORMAT}")
         spec = GridSpec(

@@ -84,7 +84,7 @@ class Scene:
         out = np.empty((start.size // 3, 3))
         emitters, room, far = self.tables()
         rays = np.ascontiguousarray(start.reshape(-1, 3)), np.ascontiguousarray(towards.reshape(-1, 3))
-        trace(rays[0], rays[1], emitters, room, far, out)
+        trace(*rays, emitters, room, far, out)
         return out.reshape(start.shape)
 
     def coefficients(self, points: ArrayLike, bands: int) -> Floats:
@@ -93,7 +93,8 @@ class Scene:
         out = np.zeros((len(flat), coefficient_count(bands), 3))
         rules = [np.polynomial.legendre.leggauss(count) for count in (AREA_NODES, LENS_NODES, WALL_NODES)]
         emitters, room, far = self.tables()
-        integrate(flat, emitters, room, far, bands, *(array for rule in rules for array in rule), out)
+        (area_x, area_w), (lens_x, lens_w), (wall_x, wall_w) = rules
+        integrate(flat, emitters, room, far, bands, area_x, area_w, lens_x, lens_w, wall_x, wall_w, out)
         return out.reshape(*np.shape(points)[:-1], *out.shape[1:])
 
     def tables(self) -> tuple[Floats, Floats, Floats]:

@@ -140,6 +140,7 @@ def integrate(  # type: ignore[no-untyped-def]
     wall_w,
     out,
 ):
+    """Add the coefficients of all light at ``points`` ``(n, 3)`` to ``out`` ``(n, bands², 3)``."""
     basis, light, r, position = np.empty(bands * bands), np.empty(3), np.empty(3), np.empty(3)
     for i in range(points.shape[0]):
         x = points[i]
