@@ -1,0 +1,102 @@
+"""The end of an ``ilf-grid`` job: from sums to grids, a report and a picture."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from lightwell.conventions import degree_of_index
+from lightwell.field.gradient import central_differences
+from lightwell.field.grid import Grid
+from lightwell.field.spec import Floats
+from lightwell.field.sums import FieldSums
+from lightwell.io.grids import write_grid
+from lightwell.io.preview import preview_png
+from lightwell.sh.window import fixed_window, laplacian_window, weakest_strength
+from lightwell.synthetic.scene import scene_from_json
+from lightwell_workers.jobs.context import JobContext
+from lightwell_workers.jobs.directory import write_atomically
+from lightwell_workers.jobs.ilf_plan import Field, capture_attributes
+
+COMPARED_CELLS = 512
+WINDOW_CELLS = 4096
+
+
+def finish(field: Field, sums: list[FieldSums], context: JobContext) -> None:
+    """Write the grids, ``report.json`` and ``preview.png`` to the job's results."""
+    several = len(sums) > 1
+    reports = []
+    for index, one in enumerate(sums):
+        context.progress("finish", index, len(sums))
+        grid, report = _make_grid(field, one, context)
+        resolution = "x".join(str(count) for count in one.spec.resolution)
+        name = f"grid-{resolution}.zarr" if several else "grid.zarr"
+        write_grid(context.results / name, grid, field.settings.precision)
+        reports.append({"grid": name, **report})
+        if index == 0:
+            write_atomically(context.results / "preview.png", preview_png(grid))
+    report = {
+        "probes": field.capture.count,
+        "directions": field.directions,
+        "rotating": field.rotating,
+        **{key: value for key, value in reports[0].items() if key == "error_relative"},
+        "grids": reports,
+    }
+    write_atomically(context.results / "report.json", (json.dumps(report, indent=1) + "\n").encode())
+    context.progress("finish", len(sums), len(sums))
+
+
+def _make_grid(field: Field, sums: FieldSums, context: JobContext) -> tuple[Grid, dict[str, Any]]:
+    settings = field.settings
+    coefficients = sums.coefficients
+    solid_angle = float(field.buckets.weights.sum())
+    if sums.dark > 1e-6 * solid_angle:
+        context.log("some directions have no sample near the grid", level="warning", share=sums.dark / solid_angle)
+    report: dict[str, Any] = {
+        "resolution": list(sums.spec.resolution),
+        "samples_per_kernel": float(sums.samples.mean() / solid_angle),
+        "repaired_share": float(1 - sums.coverage.mean() / solid_angle),
+        "dark_share": sums.dark / solid_angle,
+    }
+    if settings.compare and field.capture.info.scene is not None:
+        report["error_relative"] = _error(field, sums)
+    weights = _window(field, coefficients)
+    coefficients *= weights[degree_of_index(settings.bands)][:, None].astype(np.float32)
+    grid = Grid(
+        sums.spec,
+        coefficients,
+        (sums.coverage / np.float32(solid_angle)).astype(np.float32),
+        (sums.samples / np.float32(solid_angle)).astype(np.float32),
+        central_differences(coefficients, sums.spec.voxel) if settings.gradients == "central" else None,
+        {
+            **capture_attributes(field),
+            "window": settings.window.kind,
+            "window_weights": weights.tolist(),
+            "settings": settings.model_dump(mode="json", exclude={"capture"}),
+        },
+    )
+    return grid, report
+
+
+def _window(field: Field, coefficients: np.ndarray[Any, np.dtype[np.float32]]) -> Floats:
+    """Return the factor of each degree ``(bands,)``; auto: the weakest that is enough for cells all over the grid."""
+    settings, bands = field.settings.window, field.settings.bands
+    if settings.kind != "auto":
+        return fixed_window(settings.kind, bands, settings.width, settings.target)
+    flat = coefficients.reshape(-1, *coefficients.shape[3:])
+    strength = 0.0
+    for cell in flat[:: max(1, len(flat) // WINDOW_CELLS)].astype(np.float64):
+        strength = max(strength, weakest_strength(cell, settings.target, at_least=strength))
+    return laplacian_window(strength, bands)
+
+
+def _error(field: Field, sums: FieldSums) -> float:
+    """Return the rms error relative to the rms coefficient vector, at cells all over the grid (MATHS §6)."""
+    assert field.capture.info.scene is not None
+    scene = scene_from_json(field.capture.info.scene)
+    chosen = np.linspace(0, sums.spec.cells - 1, min(sums.spec.cells, COMPARED_CELLS)).round().astype(np.intp)
+    exact = scene.coefficients(sums.spec.centres().reshape(-1, 3)[chosen], field.settings.bands)
+    found = sums.coefficients.reshape(-1, *sums.coefficients.shape[3:])[chosen]
+    return float(np.sqrt(((found - exact) ** 2).sum() / (exact**2).sum()))

@@ -1,0 +1,157 @@
+"""What an ``ilf-grid`` job does in which order: fixed before it starts, whatever computes it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from lightwell.conventions import coefficient_count
+from lightwell.field.buckets import Buckets, make_buckets
+from lightwell.field.gather import gathered_buckets
+from lightwell.field.spec import GridSpec
+from lightwell.io.captures import Capture, open_capture
+from lightwell.job_settings import IlfGridSettings
+from lightwell.probe.downsample import Downsampler
+from lightwell.probe.mapping import Mapping
+from lightwell_workers.jobs.kind import Estimate, JobError
+
+MEGABYTE = 1 << 20
+SAMPLE_SECONDS = 0.25e-6
+"""Core time to splat one sample onto a plane."""
+CELL_SECONDS = 6e-9
+"""Core time to read one cell of one direction and to add it to 25 coefficients."""
+FRAME_SECONDS = 2e-3
+PART_SECONDS = 6.0
+MOST_BATCH = 512
+LEAST_PROBE_SPREAD_M = 0.01
+
+
+class Part(msgspec.Struct, array_like=True):
+    """A range of probes or of directions."""
+
+    first: int
+    last: int
+
+
+class Plan(msgspec.Struct):
+    """Written once, when the job is prepared; what is in it decides the bytes of the result."""
+
+    batches: list[Part]
+    """Probes that are sorted together; none where the capture is in angular order."""
+    parts: list[Part]
+    """Directions whose partial sums are made by one task."""
+    together: int
+    """Tasks in one checkpoint."""
+    digest: str
+    """Of the capture."""
+
+
+class Field:
+    """The capture of a job as its tasks see it."""
+
+    def __init__(self, settings: IlfGridSettings) -> None:
+        self.settings = settings
+        self.capture: Capture = open_capture(Path(settings.capture))
+        self.mapping: Mapping = self.capture.mapping()
+        self.downsampler: Downsampler | None = None
+        if settings.frame_width:
+            self.downsampler = Downsampler(self.mapping, settings.frame_width)
+            self.mapping = self.downsampler.mapping
+        self.rotating = self.capture.rotating
+        self.sphere_radius_m = (
+            self.capture.info.mapping.sphere_radius_m if settings.viewpoint == "correct" else None
+        )
+        self.buckets: Buckets = (
+            gathered_buckets(settings.directions, settings.bands)
+            if self.rotating
+            else make_buckets(self.mapping, settings.bands, settings.weights, settings.blind, self.sphere_radius_m)
+        )
+        self.specs = grid_specs(settings, self.capture)
+
+    @property
+    def directions(self) -> int:
+        """Number of buckets."""
+        return len(self.buckets.directions)
+
+
+def grid_specs(settings: IlfGridSettings, capture: Capture) -> list[GridSpec]:
+    """Return the grids of a job; without bounds, the box round the probes."""
+    if settings.bounds is not None:
+        lower, upper = (np.array(corner) for corner in settings.bounds)
+        if not (upper > lower).all():
+            raise JobError(f"bounds: {settings.bounds}: the upper corner must lie above the lower one on every axis")
+    else:
+        lower, upper = capture.bounds
+        middle, size = (lower + upper) / 2, upper - lower
+        size = np.maximum(size, max(LEAST_PROBE_SPREAD_M, 0.05 * size.max()))
+        lower, upper = middle - size / 2, middle + size / 2
+    corners = [tuple(float(value) for value in corner) for corner in (lower, upper)]
+    return [GridSpec(corners[0], corners[1], resolution) for resolution in settings.resolutions]  # type: ignore[arg-type]
+
+
+def count_directions(settings: IlfGridSettings, capture: Capture) -> int:
+    """Return the number of buckets without making them."""
+    if capture.rotating:
+        return settings.directions
+    width = settings.frame_width or capture.info.width
+    height = math.ceil(capture.info.height * width / capture.info.width)
+    share = 1.0 if capture.info.mapping.kind in ("latlong", "octahedral", "cube") else math.pi / 4
+    return max(1, round(share * width * height))
+
+
+def direction_seconds(settings: IlfGridSettings, probes: int, cells: int) -> float:
+    """Return the core time of one direction."""
+    share = (8 + coefficient_count(settings.bands)) / 33
+    return probes * SAMPLE_SECONDS + cells * CELL_SECONDS * share
+
+
+def estimate(settings: IlfGridSettings) -> Estimate:
+    """Return what a job needs. Raises `LightwellError` where the capture cannot be used."""
+    capture = open_capture(Path(settings.capture))
+    specs = grid_specs(settings, capture)
+    cells = sum(spec.cells for spec in specs)
+    directions = count_directions(settings, capture)
+    seconds = directions * direction_seconds(settings, capture.count, cells)
+    seconds += 0 if capture.sorted_samples else capture.count * FRAME_SECONDS * directions / 49_000
+    grid_bytes = cells * coefficient_count(settings.bands) * 3 * 4
+    many = 1 if settings.gradients == "none" else 4
+    sorted_bytes = directions * capture.count * (6 if settings.sample_format == "half" else 12)
+    return Estimate(
+        seconds=seconds,
+        memory_bytes=3 * grid_bytes * many + settings.memory_mb * MEGABYTE,
+        disk_bytes=(0 if capture.sorted_samples else sorted_bytes) + 8 * grid_bytes * many,
+    )
+
+
+def make_plan(field: Field, processes: int) -> Plan:
+    """Return the plan of a job."""
+    settings, probes, directions = field.settings, field.capture.count, field.directions
+    batches: list[Part] = []
+    if field.capture.sorted_samples is None:
+        fitting = settings.memory_mb * MEGABYTE // (directions * 3 * 4 * 3)
+        batches = _ranges(probes, max(1, min(MOST_BATCH, fitting)))
+    cost = direction_seconds(settings, probes, sum(spec.cells for spec in field.specs))
+    parts = _ranges(directions, max(64, min(16384, round(PART_SECONDS / cost / 64) * 64)))
+    return Plan(batches, parts, processes, field.capture.digest)
+
+
+def _ranges(count: int, size: int) -> list[Part]:
+    return [Part(first, min(first + size, count)) for first in range(0, count, size)]
+
+
+def read_plan(path: Path) -> Plan:
+    """Read what `make_plan` made."""
+    return msgspec.json.decode(path.read_bytes(), type=Plan)
+
+
+def capture_attributes(field: Field) -> dict[str, Any]:
+    """Return what a grid says of the capture that it comes from."""
+    info = field.capture.info
+    return {
+        "capture": {"name": info.name, "digest": field.capture.digest, "probes": field.capture.count},
+        "units": info.units,
+    }

@@ -1,0 +1,10 @@
+"""The kinds of jobs by name."""
+
+from __future__ import annotations
+
+from lightwell.job_settings import JobKind
+from lightwell_workers.jobs.capture_reduce import CaptureReduce
+from lightwell_workers.jobs.ilf_grid import IlfGrid
+from lightwell_workers.jobs.kind import Kind
+
+KINDS: dict[JobKind, Kind] = {"ilf-grid": IlfGrid(), "capture-reduce": CaptureReduce()}

@@ -1,0 +1,206 @@
+"""One job as a DBOS workflow: prepare, then step by step, then publish. Each is a checkpoint.
+
+A step may run again after a kill, and so writes the same files with the same bytes. The job's lock makes sure that no
+two bodies of one job run at once, whatever was cancelled, resumed or taken over meanwhile.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import shutil
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import structlog
+from filelock import FileLock, Timeout
+from threadpoolctl import threadpool_limits
+
+from lightwell.errors import LightwellError
+from lightwell.job_settings import JobKind, JobsSettings
+from lightwell_workers.jobs.compute import DaskCompute, InlineCompute
+from lightwell_workers.jobs.context import Compute, JobCancelled, JobContext
+from lightwell_workers.jobs.directory import JobDirectory
+from lightwell_workers.jobs.events import EventLog
+from lightwell_workers.jobs.kind import SMALL_SECONDS, JobError, Kind
+from lightwell_workers.jobs.kinds import KINDS
+
+log = structlog.get_logger("jobs")
+
+MEGABYTE = 1 << 20
+STALE_MARKER_SECONDS = 3.0
+LOCK_POLL_SECONDS = 0.2
+PREPARE = -1
+TRANSIENT = ("KilledWorker", "CommClosedError", "FutureCancelledError", "CancelledError", "FutureLostError")
+
+
+class TransientError(Exception):
+    """Something outside the job failed that may work when tried again."""
+
+
+def is_transient(error: BaseException) -> bool:
+    """Return whether a step that failed with ``error`` is to be tried again."""
+    return isinstance(error, TransientError)
+
+
+class Runner:
+    """Runs steps of jobs; one an executor."""
+
+    def __init__(self, settings: JobsSettings, root: Path) -> None:
+        self._settings = settings
+        self._root = root
+        self._dask = DaskCompute(settings.scheduler, settings.processes)
+        self._inline = InlineCompute()
+        self._stops: set[threading.Event] = set()
+        threadpool_limits(1)  # jobs and tasks are what runs in parallel
+
+    def close(self) -> None:
+        """Stop what runs; the jobs are resumed by the next executor."""
+        for stop in list(self._stops):
+            stop.set()
+        self._dask.close()
+
+    async def run_step(self, job: str, kind: JobKind, settings: dict[str, Any], index: int) -> int:
+        """Run one step and return the number of steps, which `PREPARE` finds out."""
+        while True:
+            stop = threading.Event()
+            self._stops.add(stop)
+            body = asyncio.get_running_loop().run_in_executor(None, self._run, job, kind, settings, index, stop)
+            try:
+                return await asyncio.shield(body)
+            except asyncio.CancelledError:
+                stop.set()
+                with contextlib.suppress(BaseException):
+                    await body
+                raise
+            except JobCancelled:
+                # The marker was faster than the database, which cancels this within a second; or it is stale.
+                await asyncio.sleep(STALE_MARKER_SECONDS)
+                JobDirectory(self._root, job).cancel.unlink(missing_ok=True)
+            finally:
+                self._stops.discard(stop)
+
+    def _run(self, job: str, name: JobKind, settings: dict[str, Any], index: int, stop: threading.Event) -> int:
+        directory = JobDirectory(self._root, job)
+        kind = KINDS[name]
+        try:
+            directory.path.mkdir(parents=True, exist_ok=True)
+            with _locked(directory, stop):
+                events = EventLog(directory.events)
+                try:
+                    return self._run_locked(directory, kind, settings, index, stop, events)
+                except JobCancelled:
+                    events.append("state", state="cancelled")
+                    raise
+                except Exception as error:
+                    failure = _explain(error, directory)
+                    if not is_transient(failure):
+                        events.append("state", state="failed", error=str(failure))
+                        log.info("job failed", job=job, error=str(failure))
+                    raise failure from error
+        except OSError as error:
+            raise _explain(error, directory) from error
+
+    def _run_locked(
+        self,
+        directory: JobDirectory,
+        kind: Kind,
+        document: dict[str, Any],
+        index: int,
+        stop: threading.Event,
+        events: EventLog,
+    ) -> int:
+        settings = kind.settings_type.model_validate(document)
+        estimate = kind.estimate(settings)
+        compute: Compute = self._inline if estimate.seconds < SMALL_SECONDS else self._dask
+        context = JobContext(directory, events, compute, stop)
+        context.check()
+        if index == PREPARE:
+            events.append("state", state="running")
+            self._check_space(estimate.disk_bytes)
+            context.results.mkdir(parents=True, exist_ok=True)
+            kind.prepare(settings, context)
+            return len(kind.steps(settings, context))
+        steps = kind.steps(settings, context)
+        if index == len(steps):
+            directory.publish(context.results)
+            events.append("state", state="succeeded")
+            log.info("job succeeded", job=directory.id, kind=kind.name)
+            return len(steps)
+        started = time.monotonic()
+        steps[index].run(context)
+        context.log("step done", step=steps[index].name, seconds=round(time.monotonic() - started, 3))
+        return len(steps)
+
+    def _check_space(self, wanted: int) -> None:
+        reason = space_problem(self._settings, self._root, wanted)
+        if reason is not None:
+            raise JobError(reason)
+
+
+def space_problem(settings: JobsSettings, root: Path, wanted: int) -> str | None:
+    """Return why a job that needs ``wanted`` bytes of disk cannot start, or None."""
+    existing = next(path for path in (root, *root.parents) if path.exists())
+    free = shutil.disk_usage(existing).free
+    if free - wanted < settings.min_free_mb * MEGABYTE:
+        return (
+            f"the disk has {free // MEGABYTE} MB free, the job needs {wanted // MEGABYTE + 1} MB and must leave "
+            f"{settings.min_free_mb} MB ([jobs] min_free_mb): free space, or choose a smaller grid"
+        )
+    used = used_bytes(root)
+    if used + wanted > settings.quota_mb * MEGABYTE:
+        return (
+            f"jobs use {used // MEGABYTE} MB of {settings.quota_mb} MB ([jobs] quota_mb) and this one needs "
+            f"{wanted // MEGABYTE + 1} MB: delete finished jobs, or raise the quota"
+        )
+    return None
+
+
+def used_bytes(root: Path) -> int:
+    """Return the size of all artefacts, from their manifests."""
+    if not root.is_dir():
+        return 0
+    return sum(
+        artifact.bytes
+        for path in root.iterdir()
+        if (path / "manifest.json").is_file()
+        for artifact in JobDirectory(root, path.name).read_manifest()
+    )
+
+
+@contextlib.contextmanager
+def _locked(directory: JobDirectory, stop: threading.Event) -> Any:  # noqa: ANN401
+    """Hold the job's lock; an earlier body of the same job has ended when this is entered."""
+    lock = FileLock(directory.lock, thread_local=False)
+    while True:
+        try:
+            lock.acquire(timeout=LOCK_POLL_SECONDS)
+            break
+        except Timeout:
+            if stop.is_set():
+                raise JobCancelled from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _explain(error: BaseException, directory: JobDirectory) -> Exception:
+    """Return an error whose text a user can act on, or a `TransientError`."""
+    if isinstance(error, LightwellError):
+        return error
+    if type(error).__name__ in TRANSIENT or isinstance(error, ConnectionError | TimeoutError):
+        return TransientError(f"{type(error).__name__}: {error}")
+    if isinstance(error, OSError):
+        where = error.filename or directory.path
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return JobError(f"{where}: the disk is full: free space, then retry the job")
+        return JobError(f"{where}: {error.strerror or error}: see to the folder and its permissions, then retry the job")
+    if isinstance(error, MemoryError):
+        return JobError("memory ran out: lower memory_mb or the resolution, then submit the job again")
+    if isinstance(error, Exception):
+        return JobError(f"an error in Lightwell: {type(error).__name__}: {error}")
+    raise error
