@@ -15,6 +15,7 @@ It needs numpy, websockets, httpx and msgspec only. A renderer follows a stream 
 from lightwell_client.backdrop import BackdropPicture
 from lightwell_client.errors import ConnectionLostError, LightTimeoutError, ProblemError, RefusedError
 from lightwell_client.frames import LightFrame
+from lightwell_client.jobs import GridSample, Job, JobEstimate
 from lightwell_client.rest import Lightwell, Stream
 from lightwell_client.stream import AsyncLightStream
 from lightwell_client.sync import LightStream
@@ -23,6 +24,9 @@ __all__ = [
     "AsyncLightStream",
     "BackdropPicture",
     "ConnectionLostError",
+    "GridSample",
+    "Job",
+    "JobEstimate",
     "LightFrame",
     "LightStream",
     "LightTimeoutError",

@@ -15,6 +15,7 @@ from lightwell.conventions import Convention, Units
 from lightwell.loopback import is_loopback
 from lightwell.wire import DominantLight, Quality
 from lightwell_client.errors import ConnectionLostError, ProblemError
+from lightwell_client.jobs import JobRoutes
 from lightwell_client.stream import DEFAULT_SERVER
 
 Typed = TypeVar("Typed")
@@ -86,7 +87,7 @@ class Latest(msgspec.Struct, frozen=True, eq=False):
     dominant: DominantLight | None = None
 
 
-class Lightwell:
+class Lightwell(JobRoutes):
     """A Lightwell server.
 
     ::
@@ -171,11 +172,12 @@ class Lightwell:
         path: str,
         *,
         json: dict[str, Any] | None = None,
-        params: dict[str, str | int] | None = None,
+        params: dict[str, Any] | None = None,
+        headers: dict[str, str] | None = None,
         accept: int | None = None,
     ) -> httpx.Response:
         try:
-            response = self._client.request(method, path, json=json, params=params)
+            response = self._client.request(method, path, json=json, params=params, headers=headers)
         except httpx.TransportError as error:
             raise ConnectionLostError(f"no answer from {self._client.base_url}: {error}") from None
         if response.is_success or response.status_code == accept:

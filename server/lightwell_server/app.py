@@ -16,12 +16,14 @@ from lightwell._version import __version__
 from lightwell_server import problems
 from lightwell_server.auth import Auth
 from lightwell_server.body_limit import BodyLimit
+from lightwell_server.captures import Captures
 from lightwell_server.catalogue import Catalogue
 from lightwell_server.config import Config
 from lightwell_server.head import HeadAsGet
 from lightwell_server.hub import Hub
+from lightwell_server.jobs import Jobs
 from lightwell_server.metrics import Metrics
-from lightwell_server.routes import health, live, page, publish, streams
+from lightwell_server.routes import artifacts, captures, grids, health, jobs, live, page, publish, streams
 from lightwell_server.services import Services
 from lightwell_server.session import new_session
 from lightwell_server.store import Store
@@ -61,14 +63,14 @@ def create_app(config: Config, server_url: str, page_directory: Path | None = No
         allow_origins=list(config.server.allowed_origins),
         allow_origin_regex=LOCAL_ORIGINS,
         allow_methods=["GET", "POST", "PATCH", "DELETE"],
-        allow_headers=["Authorization", "Content-Type", "If-Match"],
-        expose_headers=["ETag", "Location"],
+        allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "If-Match", "Last-Event-ID", "Range"],
+        expose_headers=["Content-Range", "ETag", "Location"],
     )
     app.add_middleware(BodyLimit, limit=config.server.max_body_kb * 1024)
     problems.install(app)
     app.add_middleware(HeadAsGet)
-    for router in (health.router, streams.router, live.router, publish.router):
-        app.include_router(router, prefix=API)
+    for module in (health, streams, live, publish, jobs, captures, artifacts, grids):
+        app.include_router(module.router, prefix=API)
     app.include_router(health.router, include_in_schema=False)  # where probes and Prometheus look by custom
     page.install(app, page_directory or page.static_directory())
     return app
@@ -96,16 +98,20 @@ async def _run(config: Config, store: Store, server_url: str) -> AsyncIterator[S
         metrics=Metrics(hub, supervisor.restarts),
         supervisor=supervisor,
         catalogue=Catalogue(hub, store, supervisor, config.streams),
+        captures=Captures(store, config.jobs, config.server.data_dir),
+        jobs=Jobs(config),
     )
     for warning in auth.warnings(config.server.host):
         log.warning(warning, host=config.server.host)
     parts.catalogue.load()
+    parts.jobs.start()
     sweeping = asyncio.create_task(_sweep(hub))
     try:
         yield parts
     finally:
         sweeping.cancel()
         await parts.wind_down()
+        await parts.jobs.close()
         await asyncio.to_thread(store.close)
 
 

@@ -24,6 +24,7 @@ from pydantic_core import ErrorDetails
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict, SettingsError
 
 from lightwell.errors import LightwellError
+from lightwell.job_settings import JobsSettings
 from lightwell.settings import STREAM_NAME_PATTERN, Settings, StreamName, StreamSettings
 from lightwell_workers.ingest.log import LogFormat, LogLevel
 
@@ -111,6 +112,7 @@ class Config(BaseSettings):
     auth: AuthSettings = AuthSettings()
     hub: HubSettings = HubSettings()
     supervisor: SupervisorSettings = SupervisorSettings()
+    jobs: JobsSettings = JobsSettings()
     log: LogSettings = LogSettings()
     streams: dict[StreamName, StreamSettings] = Field({}, description="streams by name")
 

@@ -19,12 +19,31 @@ from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 from starlette.routing import Match, Mount
 
+from lightwell.errors import LightwellError
+from lightwell.io.grids import GridError
+from lightwell.io.poses import CaptureError
+from lightwell_server.captures import CaptureRefusedError, CaptureUnknownError
 from lightwell_server.config import complaint
 from lightwell_server.store import StoreError
+from lightwell_workers.jobs.database import QueueError
+from lightwell_workers.jobs.queue import CursorError, JobNotFoundError, JobStateError, KeyConflictError
 
 MEDIA_TYPE = "application/problem+json"
 METHODS = ("GET", "POST", "PATCH", "DELETE")
 """Those that any route takes; HEAD goes with GET."""
+
+REFUSALS: dict[type[LightwellError], tuple[int, str]] = {
+    JobNotFoundError: (404, "no-such-job"),
+    JobStateError: (409, "job-state"),
+    KeyConflictError: (409, "idempotency-key"),
+    CursorError: (422, "bad-cursor"),
+    QueueError: (503, "queue"),
+    CaptureUnknownError: (404, "no-such-capture"),
+    CaptureRefusedError: (403, "capture-refused"),
+    CaptureError: (422, "bad-capture"),
+    GridError: (404, "no-such-grid"),
+}
+"""What is answered where the parts of the server raise these."""
 
 log = structlog.get_logger("http")
 
@@ -163,6 +182,12 @@ def install(app: FastAPI) -> None:
         log.error("request failed", path=request.url.path, error=repr(error))
         return respond(Problem(500, "internal", "the server made a mistake; its log says more"), request.url.path)
 
+    async def on_refusal(request: Request, error: Exception) -> JSONResponse:
+        status, kind = next(answer for type_, answer in REFUSALS.items() if isinstance(error, type_))
+        return respond(Problem(status, kind, str(error)), request.url.path)
+
+    for refusal in REFUSALS:
+        app.add_exception_handler(refusal, on_refusal)
     app.add_exception_handler(Problem, on_problem)
     app.add_exception_handler(StoreError, on_full)
     app.add_exception_handler(HTTPException, on_http)

@@ -9,9 +9,11 @@ from typing import cast
 from starlette.requests import HTTPConnection
 
 from lightwell_server.auth import Auth
+from lightwell_server.captures import Captures
 from lightwell_server.catalogue import Catalogue
 from lightwell_server.config import Config
 from lightwell_server.hub import Hub
+from lightwell_server.jobs import Jobs
 from lightwell_server.metrics import Metrics
 from lightwell_server.store import Store
 from lightwell_server.supervisor import Supervisor
@@ -33,10 +35,12 @@ class Services:
     metrics: Metrics
     supervisor: Supervisor
     catalogue: Catalogue
+    captures: Captures
+    jobs: Jobs
 
     async def wind_down(self) -> None:
         """End the workers, then the subscriptions; doing it twice does no harm."""
-        await self.supervisor.close()
+        await asyncio.gather(self.supervisor.close(), self.jobs.executor.close())
         self.hub.close()
         for _ in range(100):
             if not self.hub.subscribers():

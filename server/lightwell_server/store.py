@@ -1,6 +1,6 @@
-"""Streams that were created or changed through the API, in a SQLite file that survives a restart.
+"""Streams and captures that were made known through the API, in a SQLite file that survives a restart.
 
-A row holds the whole settings of one stream. It wins over the stream of that name in the configuration file, until it
+A stream's row holds its whole settings. It wins over the stream of that name in the configuration file, until it
 is deleted. Writes are transactions in write-ahead mode; a server that is killed loses none that was answered.
 """
 
@@ -17,7 +17,7 @@ from typing import NamedTuple
 from lightwell.errors import LightwellError
 from lightwell_server.config import ConfigError
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 class StoreError(LightwellError):
@@ -67,6 +67,9 @@ class Store:
             "CREATE TABLE IF NOT EXISTS streams"
             " (name TEXT PRIMARY KEY, settings TEXT NOT NULL, revision INTEGER NOT NULL, changed_ns INTEGER NOT NULL)"
         )
+        self._connection.execute(
+            "CREATE TABLE IF NOT EXISTS captures (id TEXT PRIMARY KEY, directory TEXT NOT NULL) WITHOUT ROWID"
+        )
         self._connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
         self.all()  # a damaged file shows here, where it can be named
 
@@ -89,6 +92,21 @@ class Store:
         """Forget a stream; nothing happens where there is none. Raises `StoreError`."""
         with self._writing() as connection:
             connection.execute("DELETE FROM streams WHERE name = ?", (name,))
+
+    def captures(self) -> dict[str, str]:
+        """Return the folders of the registered captures by id."""
+        with self._lock:
+            return dict(self._connection.execute("SELECT id, directory FROM captures").fetchall())
+
+    def put_capture(self, name: str, directory: str) -> None:
+        """Keep a capture's folder; raises `StoreError`."""
+        with self._writing() as connection:
+            connection.execute("INSERT OR REPLACE INTO captures VALUES (?, ?)", (name, directory))
+
+    def delete_capture(self, name: str) -> None:
+        """Forget a capture; raises `StoreError`."""
+        with self._writing() as connection:
+            connection.execute("DELETE FROM captures WHERE id = ?", (name,))
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:

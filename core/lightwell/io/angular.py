@@ -1,8 +1,8 @@
 """Samples of a capture in angular order: all probes' samples of one direction lie together (paper 000 §3).
 
 A Zarr v3 group with ``samples`` (directions, probes, 3), halves or floats, in chunks of some directions of some probes,
-and ``scale`` (probes,), the power of two by which each probe's samples must be multiplied: halves end at 65504. NaN says
-that a probe has no sample in a direction. Probes are written in any order, as whole batches; writing a batch again
+and ``scale`` (probes,), the power of two by which each probe's samples must be multiplied: halves end at 65504. NaN
+says that a probe has no sample in a direction. Probes are written in any order, as whole batches; writing a batch again
 writes the same bytes.
 """
 

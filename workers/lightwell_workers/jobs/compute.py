@@ -117,5 +117,3 @@ def _wait(future: Any, check: Callable[[], None]) -> Any:  # noqa: ANN401
         except (DaskTimeoutError, FutureTimeoutError):
             if future.done():
                 return future.result()
-
-

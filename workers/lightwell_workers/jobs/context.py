@@ -11,7 +11,7 @@ from lightwell_workers.jobs.directory import JobDirectory
 from lightwell_workers.jobs.events import EventLog
 
 
-class JobCancelled(BaseException):  # noqa: N818
+class JobCancelled(BaseException):
     """The job is to stop: no error, and nothing that a handler of errors should take."""
 
 
@@ -64,9 +64,7 @@ class JobContext:
         ``cancel`` is the path of the job's marker: a function that runs for long calls `stop_if_cancelled` with it
         between blocks. Functions are importable by name, items and results are small: data goes through files.
         """
-        yield from self._compute.map(
-            function, [(self.directory.cancel, *item) for item in items], self.check
-        )
+        yield from self._compute.map(function, [(self.directory.cancel, *item) for item in items], self.check)
 
 
 def stop_if_cancelled(cancel: Path) -> None:

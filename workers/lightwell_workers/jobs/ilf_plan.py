@@ -62,9 +62,7 @@ class Field:
             self.downsampler = Downsampler(self.mapping, settings.frame_width)
             self.mapping = self.downsampler.mapping
         self.rotating = self.capture.rotating
-        self.sphere_radius_m = (
-            self.capture.info.mapping.sphere_radius_m if settings.viewpoint == "correct" else None
-        )
+        self.sphere_radius_m = self.capture.info.mapping.sphere_radius_m if settings.viewpoint == "correct" else None
         self.buckets: Buckets = (
             gathered_buckets(settings.directions, settings.bands)
             if self.rotating

@@ -41,9 +41,17 @@ class Step(NamedTuple):
 class Kind(Protocol):
     """A kind of job; ``settings`` below is an instance of its ``settings_type``."""
 
-    name: JobKind
-    description: str
-    settings_type: type[Settings]
+    @property
+    def name(self) -> JobKind:
+        """Its name in the API."""
+
+    @property
+    def description(self) -> str:
+        """What it does, in one line."""
+
+    @property
+    def settings_type(self) -> type[Settings]:
+        """Model of its settings."""
 
     def estimate(self, settings: Any) -> Estimate:  # noqa: ANN401
         """Return what the job needs; raises `LightwellError` where it cannot work."""

@@ -132,9 +132,9 @@ class Queue:
         after = _decode_cursor(cursor) if cursor is not None else None
         found: list[WorkflowStatus] = []
         with _reported():
-            for status in self._older(after, state, kind, limit):
-                if after is None or _place(status) < after:
-                    found.append(status)
+            found.extend(
+                status for status in self._older(after, state, kind, limit) if after is None or _place(status) < after
+            )
         found.sort(key=_place, reverse=True)
         chosen = found[:limit]
         more = len(found) > limit
@@ -157,8 +157,7 @@ class Queue:
                 sort_desc=True,
                 load_output=True,
             )
-            for status in batch:
-                yield status
+            yield from batch
             offset += len(batch)
             if len(batch) < wanted:
                 return
@@ -265,7 +264,7 @@ class Queue:
     def _view(self, status: WorkflowStatus) -> Job:
         directory = JobDirectory(self.root, status.workflow_id)
         state = self._state(status)
-        settings = (status.input or {}).get("args", [{}])
+        settings = status.input["args"] if status.input is not None else ()
         return Job(
             id=status.workflow_id,
             kind=cast("JobKind", status.name),

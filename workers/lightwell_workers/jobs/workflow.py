@@ -198,7 +198,9 @@ def _explain(error: BaseException, directory: JobDirectory) -> Exception:
         where = error.filename or directory.path
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             return JobError(f"{where}: the disk is full: free space, then retry the job")
-        return JobError(f"{where}: {error.strerror or error}: see to the folder and its permissions, then retry the job")
+        return JobError(
+            f"{where}: {error.strerror or error}: see to the folder and its permissions, then retry the job"
+        )
     if isinstance(error, MemoryError):
         return JobError("memory ran out: lower memory_mb or the resolution, then submit the job again")
     if isinstance(error, Exception):

@@ -1,0 +1,265 @@
+"""``/api/v1/jobs``: the queue of long work."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from functools import partial
+from typing import Annotated, Any
+
+import msgspec
+from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi.responses import JSONResponse, StreamingResponse
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from lightwell.job_settings import DEFAULT_PRIORITY, JobKind, JobState
+from lightwell_server.problems import Problem, invalid_input
+from lightwell_server.routes.access import ADMIN, READ, problems
+from lightwell_server.services import Services, services
+from lightwell_workers.jobs.kinds import KINDS
+from lightwell_workers.jobs.queue import FINISHED, Job, Queue
+from lightwell_workers.jobs.workflow import space_problem
+
+router = APIRouter(tags=["jobs"])
+
+POLL_SECONDS = 0.25
+KEEP_ALIVE_POLLS = 60
+LARGEST_PAGE = 200
+
+
+class JobSubmission(BaseModel):
+    """A new job."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    kind: JobKind
+    settings: dict[str, Any] = Field(description="settings of the kind; GET /job-kinds gives their schema")
+    priority: int = Field(DEFAULT_PRIORITY, ge=1, le=1_000_000, description="smaller is sooner")
+    dry_run: bool = Field(False, description="only say what the job would need")
+
+
+class EstimateDocument(BaseModel):
+    """What a job would need."""
+
+    seconds: float = Field(description="core time")
+    memory_bytes: int = Field(description="in each compute process")
+    disk_bytes: int = Field(description="results, and files while it runs")
+    fits: bool = Field(description="whether quota and free disk allow it now")
+    reason: str | None = Field(None, description="why it does not fit")
+
+
+class ProgressDocument(BaseModel):
+    """How far a job is."""
+
+    stage: str
+    done: int
+    total: int
+    rate: float
+    eta_seconds: float | None = None
+
+
+class ArtifactSummary(BaseModel):
+    """One result."""
+
+    id: str
+    path: str
+    bytes: int
+    sha256: str
+    media_type: str
+
+
+class JobDocument(BaseModel):
+    """One job; times are nanoseconds since the Unix epoch."""
+
+    id: str
+    kind: JobKind
+    state: JobState
+    priority: int
+    settings: dict[str, Any]
+    progress: ProgressDocument | None
+    attempts: int
+    created: int
+    started: int | None
+    finished: int | None
+    artifacts: list[ArtifactSummary]
+    error: str | None = None
+
+
+class JobPage(BaseModel):
+    """Jobs, newest first."""
+
+    jobs: list[JobDocument]
+    next: str | None = Field(description="cursor of the following page; null on the last")
+
+
+class KindDocument(BaseModel):
+    """One kind of job."""
+
+    name: JobKind
+    description: str
+    settings_schema: dict[str, Any] = Field(description="JSON schema of its settings")
+
+
+def _document(job: Job) -> JobDocument:
+    document = msgspec.to_builtins(job)
+    for artifact in document["artifacts"]:
+        artifact.pop("files", None)
+    return JobDocument.model_validate(document)
+
+
+@router.get("/job-kinds", dependencies=READ, responses=problems())
+async def job_kinds() -> list[KindDocument]:
+    """List the kinds of jobs with the schemas of their settings."""
+    return [
+        KindDocument(name=name, description=kind.description, settings_schema=kind.settings_type.model_json_schema())
+        for name, kind in KINDS.items()
+    ]
+
+
+@router.post(
+    "/jobs",
+    status_code=202,
+    dependencies=ADMIN,
+    response_model=JobDocument | EstimateDocument,
+    responses={
+        200: {"description": "a dry run's estimate, or the job of a repeated key"},
+        **problems(404, 409, 422, 503, 507),
+    },
+)
+async def submit_job(
+    request: Request,
+    response: Response,
+    submission: JobSubmission,
+    idempotency_key: Annotated[
+        str | None, Header(min_length=1, max_length=255, description="the same key and body give the same job")
+    ] = None,
+) -> JobDocument | EstimateDocument:
+    """Submit a job, or say what it would need."""
+    parts = services(request)
+    document, estimate = await asyncio.to_thread(_check, parts, submission)
+    if submission.dry_run:
+        response.status_code = 200
+        return estimate
+    if estimate.reason is not None:
+        raise Problem(507, "no-room", estimate.reason)
+    job, is_new = await parts.jobs.call(
+        lambda queue: queue.submit(submission.kind, document, priority=submission.priority, key=idempotency_key)
+    )
+    parts.jobs.executor.ensure()
+    response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+    if not is_new:
+        response.status_code = 200
+    return _document(job)
+
+
+def _check(parts: Services, submission: JobSubmission) -> tuple[dict[str, Any], EstimateDocument]:
+    """Return the settings with the capture's folder in place of its id, and what the job needs."""
+    kind = KINDS[submission.kind]
+    try:
+        settings = kind.settings_type.model_validate(submission.settings)
+    except ValidationError as error:
+        raise invalid_input(error.errors(), ("settings",)) from None
+    directory = parts.captures.resolve(submission.settings["capture"])
+    settings = settings.model_copy(update={"capture": str(directory)})
+    need = kind.estimate(settings)
+    reason = space_problem(parts.jobs.settings, parts.jobs.root, need.disk_bytes)
+    estimate = EstimateDocument(
+        seconds=round(need.seconds, 3),
+        memory_bytes=need.memory_bytes,
+        disk_bytes=need.disk_bytes,
+        fits=reason is None,
+        reason=reason,
+    )
+    return settings.model_dump(mode="json"), estimate
+
+
+@router.get("/jobs", dependencies=READ, responses=problems(422, 503))
+async def list_jobs(
+    request: Request,
+    cursor: Annotated[str | None, Query(max_length=200, description="`next` of the page before")] = None,
+    limit: Annotated[int, Query(ge=1, le=LARGEST_PAGE)] = 50,
+    state: JobState | None = None,
+    kind: JobKind | None = None,
+) -> JobPage:
+    """List the jobs, newest first; jobs that come meanwhile change no page that follows."""
+    jobs, following = await services(request).jobs.call(lambda queue: queue.page(cursor, limit, state, kind))
+    return JobPage(jobs=[_document(job) for job in jobs], next=following)
+
+
+@router.get("/jobs/{job}", dependencies=READ, responses=problems(404, 503))
+async def get_job(request: Request, job: str) -> JobDocument:
+    """Describe one job."""
+    return _document(await services(request).jobs.call(lambda queue: queue.get(job)))
+
+
+@router.delete("/jobs/{job}", status_code=204, dependencies=ADMIN, responses=problems(404, 409, 503))
+async def delete_job(request: Request, job: str) -> Response:
+    """Delete a finished job and its results."""
+    await services(request).jobs.call(lambda queue: queue.delete(job))
+    return Response(status_code=204)
+
+
+@router.post("/jobs/{job}/cancel", dependencies=ADMIN, responses=problems(404, 409, 503))
+async def cancel_job(request: Request, job: str) -> JobDocument:
+    """Cancel a job that is queued or runs."""
+    return _document(await services(request).jobs.call(lambda queue: queue.cancel(job)))
+
+
+@router.post("/jobs/{job}/retry", dependencies=ADMIN, responses=problems(404, 409, 503))
+async def retry_job(request: Request, job: str) -> JobDocument:
+    """Queue a failed or cancelled job again; it goes on from its last checkpoint."""
+    parts = services(request)
+    result = await parts.jobs.call(lambda queue: queue.retry(job))
+    parts.jobs.executor.ensure()
+    return _document(result)
+
+
+@router.get("/jobs/{job}/log", dependencies=READ, responses=problems(404, 503))
+async def job_log(request: Request, job: str) -> JSONResponse:
+    """Return the lines of the job's log, and its changes of state, as a list."""
+
+    def read(queue: Queue) -> list[dict[str, Any]]:
+        queue.get(job)
+        return [event for _, event in queue.events(job) if event.get("type") != "progress"]
+
+    return JSONResponse(await services(request).jobs.call(read))
+
+
+@router.get(
+    "/jobs/{job}/events",
+    dependencies=READ,
+    response_class=StreamingResponse,
+    responses={200: {"content": {"text/event-stream": {}}}, **problems(404, 422, 503)},
+)
+async def job_events(
+    request: Request, job: str, last_event_id: Annotated[int, Header(ge=0, description="go on after this event")] = 0
+) -> StreamingResponse:
+    """Follow a job as server-sent events ``state``, ``progress`` and ``log``; ends when the job has.
+
+    The last event is ``end``, with the whole job. An interrupted reader goes on with ``Last-Event-ID``.
+    """
+    parts = services(request)
+    await parts.jobs.call(lambda queue: queue.get(job))
+    return StreamingResponse(
+        _follow(parts, job, last_event_id), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+    )
+
+
+async def _follow(parts: Services, job: str, after: int) -> AsyncIterator[str]:
+    idle = 0
+    while True:
+        # The state first: what is written before a job ends is then in the events that are read next.
+        state = (await parts.jobs.call(lambda queue: queue.get(job))).state
+        events = await parts.jobs.call(partial(Queue.events, job=job, after=after))
+        for number, event in events:
+            after = number
+            yield f"id: {number}\nevent: {event['type']}\ndata: {json.dumps(event)}\n\n"
+        idle = 0 if events else idle + 1
+        if state in FINISHED:
+            final = _document(await parts.jobs.call(lambda queue: queue.get(job)))
+            yield f"id: {after}\nevent: end\ndata: {final.model_dump_json()}\n\n"
+            return
+        if idle % KEEP_ALIVE_POLLS == KEEP_ALIVE_POLLS - 1:
+            yield ": still here\n\n"
+        await asyncio.sleep(POLL_SECONDS)
