@@ -35,6 +35,7 @@ class Captures:
 
     def __init__(self, store: Store, settings: JobsSettings, data_dir: Path) -> None:
         self._store = store
+        self._data_dir = data_dir.absolute()
         self._roots = tuple(root.resolve() for root in (data_dir / "captures", data_dir / "jobs", *settings.data_roots))
 
     def all(self) -> list[Registered]:
@@ -84,9 +85,9 @@ class Captures:
         return self.allowed(name_or_path)
 
     def allowed(self, path: str) -> Path:
-        """Return a folder with all links followed; raises `CaptureRefusedError` outside the data roots."""
+        """Return a folder, relative to the data folder or absolute, with all links followed; raises `CaptureRefusedError` outside the data roots."""
         try:
-            directory = Path(path).resolve()
+            directory = (self._data_dir / path).resolve()
         except (OSError, ValueError, RuntimeError):
             raise CaptureRefusedError(f"{path!r} is no usable path") from None
         if not any(directory.is_relative_to(root) for root in self._roots):

@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lightwell.io.captures import DOCUMENT, POSES, CaptureInfo
+from lightwell.io.angular import AngularStore
+from lightwell.io.captures import DOCUMENT, POSES, SORTED, CaptureInfo
 from lightwell.io.exr import write_rgb
 from lightwell.io.poses import CaptureError, Poses, write_poses
 from lightwell.probe.factory import make_mapping
@@ -24,6 +26,7 @@ from lightwell.synthetic.scene import Scene, Vector
 MARGIN = 1.01
 """The sphere fills the picture but for 1 %."""
 LARGEST_HALF = 65504.0
+ANGULAR_BATCH = 256
 
 
 @dataclass(frozen=True)
@@ -63,11 +66,17 @@ class RigSettings:
 
 
 def simulate_capture(
-    directory: Path, scene: Scene, rig: RigSettings, report: Callable[[int, int], None] | None = None
+    directory: Path,
+    scene: Scene,
+    rig: RigSettings,
+    report: Callable[[int, int], None] | None = None,
+    *,
+    angular: bool = False,
 ) -> None:
     """Write the capture of a scene to a new folder; ``report(done, total)`` is called as frames are written.
 
-    The same scene and rig give the same bytes. The folder appears whole or not at all.
+    With ``angular`` there are no frames: samples are stored in angular order as they come, and need not be sorted
+    (paper 000 §5.2). The same scene and rig give the same bytes. The folder appears whole or not at all.
 
     Raises
     ------
@@ -93,19 +102,31 @@ def simulate_capture(
     )
     partial = directory.with_name(f".{directory.name}.{os.getpid()}.partial")
     try:
-        (partial / "frames").mkdir(parents=True)
+        (partial if angular else partial / "frames").mkdir(parents=True)
         (partial / DOCUMENT).write_text(info.model_dump_json(indent=2) + "\n")
         write_poses(partial / POSES, poses)
 
+        def render(index: int) -> NDArray[np.float32]:
+            return probe.render(scene, positions[index], orientations[index] if rig.rotating else None)
+
         def write(index: int) -> None:
-            picture = probe.render(scene, positions[index], orientations[index] if rig.rotating else None)
-            half = np.clip(picture, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
+            half = np.clip(render(index), -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
             write_rgb(partial / poses.frames[index], half, compression=rig.compression)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            for done, _ in enumerate(pool.map(write, range(rig.probes)), 1):
-                if report is not None:
-                    report(done, rig.probes)
+            if angular:
+                pixels = probe.rays.pixels
+                store = AngularStore.create(partial / SORTED, len(pixels), rig.probes, ANGULAR_BATCH)
+                for first in range(0, rig.probes, ANGULAR_BATCH):
+                    batch = range(first, min(first + ANGULAR_BATCH, rig.probes))
+                    rows = [picture.reshape(-1, 3)[pixels] for picture in pool.map(render, batch)]
+                    store.write_probes(first, np.stack(rows))
+                    if report is not None:
+                        report(batch.stop, rig.probes)
+            else:
+                for done, _ in enumerate(pool.map(write, range(rig.probes)), 1):
+                    if report is not None:
+                        report(done, rig.probes)
         partial.rename(directory)
     except OSError as error:
         raise CaptureError(f"{directory}: cannot be written: {error.strerror}; free space or give another") from None

@@ -8,12 +8,16 @@ import typer
 
 from lightwell._version import __version__
 from lightwell.errors import LightwellError
+from lightwell_server.cli.capture import capture_commands
 from lightwell_server.cli.demo import demo
 from lightwell_server.cli.doctor import doctor
+from lightwell_server.cli.grid import grid_commands
 from lightwell_server.cli.ingest import ingest
+from lightwell_server.cli.jobs import cancel, job, jobs, retry, submit
 from lightwell_server.cli.project import project
 from lightwell_server.cli.serve import serve
 from lightwell_server.cli.watch import watch
+from lightwell_server.cli.work import work
 
 app = typer.Typer(
     name="lightwell",
@@ -37,8 +41,10 @@ def _root(
     """Capture real light and serve it live."""
 
 
-for command in (serve, demo, ingest, watch, project, doctor):
+for command in (serve, demo, ingest, work, watch, project, submit, jobs, job, cancel, retry, doctor):
     app.command()(command)
+app.add_typer(capture_commands, name="capture")
+app.add_typer(grid_commands, name="grid")
 
 
 def main() -> None:

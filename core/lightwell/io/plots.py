@@ -1,0 +1,58 @@
+"""Plots for people: a grid in slices, and where the probes of a capture stand."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from lightwell.field.grid import Grid
+from lightwell.io.preview import irradiance_slice
+
+NAMES = "xyz"
+
+
+def _png(figure: Figure) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})
+    return out.getvalue()
+
+
+def plot_grid(grid: Grid, normal: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> bytes:
+    """Return a PNG: irradiance on surfaces with ``normal`` and coverage, in the middle slices across z, y and x."""
+    figure = Figure(figsize=(11, 7), layout="constrained")
+    axes = figure.subplots(2, 3)
+    slices = [irradiance_slice(grid, axis, grid.spec.resolution[axis] // 2, normal) for axis in (2, 1, 0)]
+    white = max(float(np.quantile(np.concatenate([part.reshape(-1) for part in slices]), 0.98)), 1e-12)
+    for column, (axis, part) in enumerate(zip((2, 1, 0), slices, strict=True)):
+        right, upwards = [other for other in range(3) if other != axis]
+        lower, upper = grid.spec.lower, grid.spec.upper
+        extent = (lower[right], upper[right], lower[upwards], upper[upwards])
+        middle = lower[axis] + (grid.spec.resolution[axis] // 2 + 0.5) * grid.spec.voxel[axis]
+        top, bottom = axes[0, column], axes[1, column]
+        top.imshow(np.clip(part / white, 0, 1) ** (1 / 2.2), origin="lower", extent=extent, interpolation="nearest")
+        top.set_title(f"irradiance, {NAMES[axis]} = {middle:.3g} m")
+        coverage = np.take(grid.coverage, grid.spec.resolution[axis] // 2, axis=2 - axis)
+        shown = bottom.imshow(coverage, origin="lower", extent=extent, vmin=0, vmax=1, interpolation="nearest")
+        bottom.set_title("share measured, not repaired")
+        for place in (top, bottom):
+            place.set_xlabel(f"{NAMES[right]}, m")
+            place.set_ylabel(f"{NAMES[upwards]}, m")
+    figure.colorbar(shown, ax=axes[1, :], shrink=0.8)
+    direction = ", ".join(f"{value:g}" for value in normal)
+    figure.suptitle(f"normal ({direction}); white = {white:.4g}")
+    return _png(figure)
+
+
+def plot_positions(positions: NDArray[np.float64]) -> bytes:
+    """Return a PNG of probe positions ``(P, 3)`` from above and from two sides."""
+    figure = Figure(figsize=(11, 4), layout="constrained")
+    for place, (right, upwards) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
+        place.scatter(positions[:, right], positions[:, upwards], s=4, alpha=0.6, linewidths=0)
+        place.set_xlabel(f"{NAMES[right]}, m")
+        place.set_ylabel(f"{NAMES[upwards]}, m")
+        place.set_aspect("equal")
+    figure.suptitle(f"{len(positions)} probes")
+    return _png(figure)
