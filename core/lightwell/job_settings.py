@@ -17,7 +17,7 @@ from lightwell.settings import Settings, Vector3, WindowSettings
 JobKind = Literal["ilf-grid", "capture-reduce"]
 JobState = Literal["queued", "running", "cancelling", "cancelled", "failed", "succeeded"]
 RepairKind = Literal["pull-push", "mipmap", "bilateral", "none"]
-GradientKind = Literal["none", "central", "regression"]
+GradientKind = Literal["none", "central"]
 Resolution = Annotated[tuple[int, int, int], Field(description="cells along x, y and z")]
 
 MAX_GRID_BANDS = 6
@@ -62,13 +62,8 @@ class IlfGridSettings(Settings):
         " joint bilateral, or left dark (none)",
     )
     window: WindowSettings = WindowSettings()
-    gradients: GradientKind = Field(
-        "none", description="gradient of the coefficients: central differences or local-linear kernel regression"
-    )
+    gradients: GradientKind = Field("none", description="gradient of the coefficients: none, or central differences")
     precision: Literal["float32", "float16"] = Field("float32", description="type of the stored coefficients")
-    adaptive_tolerance: float | None = Field(
-        None, gt=0, lt=1, description="also write an adaptive grid that stays within this relative error"
-    )
     directions: int = Field(
         16384, ge=64, le=262144, description="rotating rigs: directions to which each probe is gathered"
     )

@@ -85,7 +85,10 @@ class Captures:
         return self.allowed(name_or_path)
 
     def allowed(self, path: str) -> Path:
-        """Return a folder, relative to the data folder or absolute, with all links followed; raises `CaptureRefusedError` outside the data roots."""
+        """Return a folder, relative to the data folder or absolute, with all links followed.
+
+        Raises `CaptureRefusedError` outside the data roots.
+        """
         try:
             directory = (self._data_dir / path).resolve()
         except (OSError, ValueError, RuntimeError):

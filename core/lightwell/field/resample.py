@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lightwell.field.layers import add_coverage, fill_tile
 from lightwell.field.plane import AXES, CHANNELS, Plane, gaussian_table, make_plane, normalise, splat, split
-from lightwell.field.repair import pull_push
+from lightwell.field.repair import bilateral, mipmap, pull_push
 from lightwell.field.spec import Floats, GridSpec
 from lightwell.field.sums import FieldSums, layered
 from lightwell.job_settings import RepairKind
@@ -89,7 +89,10 @@ def accumulate(
                 offset = offsets[q] if offsets.ndim == 2 else offsets[q, order]
                 if not block.add(k, centres + offset / spec.voxel, radiance[q, order], repair):
                     sums.dark += float(weights[q])
-            tiles.add(block, rows[chosen], weights[chosen])
+            if repair in ("mipmap", "none"):
+                tiles.add_volumes(block, rows[chosen], weights[chosen], repair)
+            else:
+                tiles.add(block, rows[chosen], weights[chosen])
         tiles.finish(sums)
 
 
@@ -144,8 +147,10 @@ class _Block:
         origin, slope = np.array(plane.origin), np.array(plane.slope)
         splat(u, v, radiance, np.array(plane.metric), origin, self._radius, self._table, lattice)
         found, missing = normalise(lattice, origin, slope, self._spans, plane.middle - 0.5)
-        if found and missing and repair == "pull-push":
-            pull_push(lattice[..., :3], np.ascontiguousarray(lattice[..., 3]))
+        if found and missing:
+            # Also before a repair in three dimensions: cells at the edge of a hole read some nodes within it.
+            fill = bilateral if repair == "bilateral" else pull_push
+            fill(lattice[..., :3], np.ascontiguousarray(lattice[..., 3]))
         start = int(self.starts[k])
         split(lattice, self.data[start : start + size].reshape(CHANNELS, plane.nodes[0], 2, plane.nodes[1] // 2))
         return bool(found)
@@ -183,6 +188,31 @@ class _Tiles:
             np.matmul(rows_t, radiance.reshape(-1, cells), out=product)
             sums = tile.sums.reshape(-1, cells)
             sums += product
+
+    def add_volumes(self, block: _Block, rows: Floats, weights: Floats, repair: RepairKind) -> None:
+        """Add the directions of a block one by one, each with its whole field: for repairs in three dimensions."""
+        for k, row in enumerate(rows.astype(np.float32)):
+            volume, seen = self._volume(block, k, float(weights[k]))
+            if repair == "mipmap":
+                mipmap(volume, seen)
+            else:
+                volume[~seen] = 0
+            for tile in self.tiles:
+                depth, count = tile.sums.shape[2:4]
+                part = volume[tile.layer : tile.layer + depth, tile.row : tile.row + count]
+                np.add(tile.sums, row[:, None, None, None, None] * part.transpose(3, 0, 1, 2), out=tile.sums)
+
+    def _volume(self, block: _Block, k: int, weight: float) -> tuple[Singles, NDArray[np.bool_]]:
+        """Return the field of one direction ``(W, V, U, 3)``, and where it had samples ``(W, V, U)``."""
+        one = slice(k, k + 1)
+        geometry = (block.data, block.starts[one], block.nodes[one], block.origins[one], block.slopes[one])
+        field = np.empty((1, 3, *self.coverage.shape), np.float32)
+        fill_tile(*geometry, block.middle, 0, 0, field)
+        seen, gathered = np.zeros(self.coverage.shape, np.float32), np.zeros(self.coverage.shape, np.float32)
+        add_coverage(*geometry, block.middle, np.array([weight]), seen, gathered)
+        self.coverage += seen
+        self.samples += gathered
+        return np.ascontiguousarray(field[0].transpose(1, 2, 3, 0)), seen > 0
 
     def finish(self, sums: FieldSums) -> None:
         """Add what was gathered to the sums of the whole grid."""
