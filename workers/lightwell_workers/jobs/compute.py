@@ -24,6 +24,10 @@ STOP_SECONDS = 1.5
 CONNECT_SECONDS = 20
 
 
+class ComputeLostError(Exception):
+    """The cluster cannot be reached or started; it may be later."""
+
+
 class InlineCompute:
     """Runs tasks on threads of this process; for jobs that are over before a process has been reached."""
 
@@ -55,8 +59,12 @@ class DaskCompute:
         self, function: Callable[..., Any], items: Sequence[tuple[Any, ...]], check: Callable[[], None]
     ) -> Iterator[Any]:
         """Yield the results in order; a worker that dies is replaced and its tasks run again."""
-        client = self._connect()
-        futures = [client.submit(function, *item, pure=False, retries=2) for item in items]
+        try:
+            client = self._connect()
+            futures = [client.submit(function, *item, pure=False, retries=2) for item in items]
+        except Exception as error:
+            # A process that dies while the cluster starts shows as any of a dozen errors.
+            raise ComputeLostError(f"{type(error).__name__}: {error}") from error
         try:
             for future in futures:
                 yield _wait(future, check)

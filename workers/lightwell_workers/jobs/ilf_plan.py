@@ -25,7 +25,6 @@ SAMPLE_SECONDS = 0.25e-6
 CELL_SECONDS = 6e-9
 """Core time to read one cell of one direction and to add it to 25 coefficients."""
 FRAME_SECONDS = 2e-3
-PART_SECONDS = 6.0
 MOST_BATCH = 512
 LEAST_PROBE_SPREAD_M = 0.01
 
@@ -133,7 +132,7 @@ def make_plan(field: Field, processes: int) -> Plan:
         fitting = settings.memory_mb * MEGABYTE // (directions * 3 * 4 * 3)
         batches = _ranges(probes, max(1, min(MOST_BATCH, fitting)))
     cost = direction_seconds(settings, probes, sum(spec.cells for spec in field.specs))
-    parts = _ranges(directions, max(64, min(16384, round(PART_SECONDS / cost / 64) * 64)))
+    parts = _ranges(directions, max(64, min(16384, round(settings.checkpoint_seconds / cost / 64) * 64)))
     return Plan(batches, parts, processes, field.capture.digest)
 
 

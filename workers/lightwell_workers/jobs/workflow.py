@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from lightwell.errors import LightwellError
 from lightwell.job_settings import JobKind, JobsSettings
-from lightwell_workers.jobs.compute import DaskCompute, InlineCompute
+from lightwell_workers.jobs.compute import ComputeLostError, DaskCompute, InlineCompute
 from lightwell_workers.jobs.context import Compute, JobCancelled, JobContext
 from lightwell_workers.jobs.directory import JobDirectory
 from lightwell_workers.jobs.events import EventLog
@@ -192,7 +192,7 @@ def _explain(error: BaseException, directory: JobDirectory) -> Exception:
     """Return an error whose text a user can act on, or a `TransientError`."""
     if isinstance(error, LightwellError):
         return error
-    if type(error).__name__ in TRANSIENT or isinstance(error, ConnectionError | TimeoutError):
+    if type(error).__name__ in TRANSIENT or isinstance(error, ComputeLostError | ConnectionError | TimeoutError):
         return TransientError(f"{type(error).__name__}: {error}")
     if isinstance(error, OSError):
         where = error.filename or directory.path
