@@ -130,12 +130,8 @@ class Queue:
         The order is by time of submission and id, so that jobs that come meanwhile change no page that follows.
         """
         after = _decode_cursor(cursor) if cursor is not None else None
-        found: list[WorkflowStatus] = []
         with _reported():
-            found.extend(
-                status for status in self._older(after, state, kind, limit) if after is None or _place(status) < after
-            )
-        found.sort(key=_place, reverse=True)
+            found = self._older(after, state, kind, limit)
         chosen = found[:limit]
         more = len(found) > limit
         jobs = [job for job in map(self._view, chosen) if state is None or job.state == state]
@@ -143,10 +139,14 @@ class Queue:
 
     def _older(
         self, after: tuple[int, str] | None, state: JobState | None, kind: JobKind | None, limit: int
-    ) -> Iterator[WorkflowStatus]:
-        """Yield at least ``limit`` + 1 jobs up to a place, and all of those that share the last one's millisecond."""
-        end = datetime.fromtimestamp(after[0] / 1000, UTC).isoformat() if after is not None else None
-        offset, wanted, last = 0, limit + 1, None
+    ) -> list[WorkflowStatus]:
+        """Return the jobs that follow a place, in order: at least ``limit`` + 1 of them, or all that there are.
+
+        The database orders by time only. Jobs of one millisecond are fetched together, so that their ids decide.
+        """
+        end = None if after is None else datetime.fromtimestamp((after[0] + 1) / 1000, UTC).isoformat()
+        found: list[WorkflowStatus] = []
+        offset, wanted = 0, limit + 1
         while True:
             batch = self._client.list_workflows(
                 name=kind or list(KINDS),
@@ -155,16 +155,14 @@ class Queue:
                 limit=wanted,
                 offset=offset,
                 sort_desc=True,
-                load_output=True,
             )
-            yield from batch
             offset += len(batch)
+            found += [status for status in batch if after is None or _place(status) < after]
+            found.sort(key=_place, reverse=True)
             if len(batch) < wanted:
-                return
-            past = sum(1 for status in batch if after is None or _place(status) < after)
-            if past and last is not None and batch[-1].created_at != last:
-                return
-            last = batch[-1].created_at
+                return found
+            if len(found) > limit and _place(found[limit])[0] > (batch[-1].created_at or 0):
+                return found
 
     def cancel(self, job: str) -> Job:
         """Cancel a job that is queued or runs; one that is already cancelled stays so. Raises `JobStateError`."""
