@@ -26,6 +26,7 @@ from lightwell_server.captures import CaptureRefusedError, CaptureUnknownError
 from lightwell_server.config import complaint
 from lightwell_server.store import StoreError
 from lightwell_workers.jobs.database import QueueError
+from lightwell_workers.jobs.kind import JobError
 from lightwell_workers.jobs.queue import CursorError, JobNotFoundError, JobStateError, KeyConflictError
 
 MEDIA_TYPE = "application/problem+json"
@@ -42,6 +43,7 @@ REFUSALS: dict[type[LightwellError], tuple[int, str]] = {
     CaptureRefusedError: (403, "capture-refused"),
     CaptureError: (422, "bad-capture"),
     GridError: (404, "no-such-grid"),
+    JobError: (422, "invalid-input"),
 }
 """What is answered where the parts of the server raise these."""
 

@@ -61,7 +61,7 @@ class Process:
     def descendants(self) -> list[psutil.Process]:
         """Return the processes below it."""
         with contextlib.suppress(psutil.NoSuchProcess):
-            return psutil.Process(self.process.pid).children(recursive=True)
+            return list(psutil.Process(self.process.pid).children(recursive=True))
         return []
 
     def stop(self) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.probe.mapping import Mapping
-from lightwell.probe.matrix import projection_matrix, unseen_moments
+from lightwell.probe.matrix import footprint_matrix, unseen_moments
 from lightwell.probe.mirror_sphere import MirrorSphere
 from lightwell.probe.reduced import ReducedMapping
 from lightwell.probe.rim import rim_weights
@@ -65,7 +65,11 @@ def make_buckets(
     else:
         region = mapping.region
         width = region.col1 - region.col0
-        matrix = projection_matrix(mapping, bands, "solid-angle", blind)
+        matrix = footprint_matrix(mapping, bands)
+        if blind == "fill":
+            rim = rim_weights(mapping).reshape(mapping.height, mapping.width)
+            inner = rim[region.row0 : region.row1, region.col0 : region.col1]
+            matrix += np.outer(inner, unseen_moments(matrix.sum(axis=0)))
         rows = matrix[(row - region.row0) * width + column - region.col0]
         solid_angles = rows[:, 0] * math.sqrt(4 * math.pi)
     offsets = np.zeros((pixels.size, 3))

@@ -62,13 +62,20 @@ def projection_matrix(mapping: Mapping, bands: int, weights: ProjectionWeights, 
         basis *= row_weights(mapping.height, mapping.width, weights)[:, None, None]
         return np.asarray(basis.reshape(-1, bands * bands))
     row0, row1, col0, col1 = mapping.region
+    matrix = footprint_matrix(mapping, bands)
+    if blind == "fill":
+        rim = rim_weights(mapping).reshape(mapping.height, mapping.width)[row0:row1, col0:col1]
+        matrix += np.outer(rim, unseen_moments(matrix.sum(axis=0)))
+    return matrix
+
+
+def footprint_matrix(mapping: Mapping, bands: int) -> Floats:
+    """Return the integral of the basis over the footprint of each pixel of the region, ``(pixels, bands²)`` float64."""
+    row0, row1, col0, col1 = mapping.region
     matrix = np.zeros(((row1 - row0) * (col1 - col0), bands * bands))
     for pixel, direction, solid_angle in mapping.footprints():
         row, column = np.divmod(pixel, mapping.width)
         _add_samples((row - row0) * (col1 - col0) + column - col0, direction, solid_angle, bands, matrix)
-    if blind == "fill":
-        rim = rim_weights(mapping).reshape(mapping.height, mapping.width)[row0:row1, col0:col1]
-        matrix += np.outer(rim, unseen_moments(matrix.sum(axis=0)))
     return matrix
 
 
