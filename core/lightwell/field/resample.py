@@ -7,6 +7,7 @@ to its coefficients. Blocks of directions are added as one matrix product.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,8 +23,10 @@ from lightwell.job_settings import RepairKind
 
 Singles = NDArray[np.float32]
 
-BLOCK = 64
+BLOCK = 128
 """Directions in one matrix product."""
+TILE_ROWS = 4
+"""Rows of a tile; neighbouring layers read nearly the same part of a plane, so that tiles are deep, not tall."""
 TILE_CELLS = 2048
 """Cells that are filled and multiplied at a time, so that they stay in the processor's cache."""
 
@@ -38,6 +41,83 @@ class Kernel:
     """Standard deviation."""
 
 
+class Resampler:
+    """Adds directions to a grid. What it has gathered is in the sums after `finish`.
+
+    The same input in the same calls gives the same bytes.
+    """
+
+    def __init__(self, sums: FieldSums, positions: Floats, kernel: Kernel, repair: RepairKind = "pull-push") -> None:
+        """Prepare for probes at ``positions`` ``(P, 3)`` metres."""
+        self._sums = sums
+        self._kernel = kernel
+        self._repair = repair
+        self._workspace = _Workspace()
+        centres = sums.spec.to_cells(positions)
+        # Samples that lie together in space lie together in every plane: the lattice stays in the cache.
+        self._order = _space_order(centres)
+        self._centres = centres[self._order]
+        self._tiles: dict[int, _Tiles] = {}
+
+    def add(
+        self,
+        directions: Floats,
+        offsets: Floats,
+        radiance: Singles,
+        rows: Floats,
+        weights: Floats,
+        check: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Add K directions.
+
+        Parameters
+        ----------
+        directions
+            ``(K, 3)`` unit vectors in world axes.
+        offsets
+            ``(K, 3)``, or ``(K, P, 3)`` where the probes are turned differently: from a probe's position to its ray.
+        radiance
+            ``(K, P, 3)`` float32; NaN where a probe has no sample in that direction.
+        rows
+            ``(K, bands²)``: what radiance 1 in the direction adds to each coefficient.
+        weights
+            ``(K,)`` solid angles, steradian.
+        check
+            Called now and then; may raise.
+        """
+        spec, order = self._sums.spec, self._order
+        scaled = directions / spec.voxel
+        scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
+        layer_axis = np.argmax(np.abs(scaled), axis=1)
+        for axis in range(3):
+            of_axis = np.flatnonzero(layer_axis == axis)
+            for first in range(0, of_axis.size, BLOCK):
+                check()
+                chosen = of_axis[first : first + BLOCK]
+                block = _Block(spec, scaled[chosen], self._kernel, self._workspace)
+                for k, q in enumerate(chosen):
+                    offset = offsets[q] if offsets.ndim == 2 else offsets[q, order]
+                    if not block.add(k, self._centres + offset / spec.voxel, radiance[q, order], self._repair):
+                        self._sums.dark += float(weights[q])
+                tiles = self._tiles_of(axis)
+                if self._repair in ("mipmap", "none"):
+                    tiles.add_volumes(block, rows[chosen], weights[chosen], self._repair)
+                else:
+                    tiles.add(block, rows[chosen], weights[chosen])
+
+    def finish(self) -> None:
+        """Add what was gathered to the sums."""
+        for tiles in self._tiles.values():
+            tiles.finish(self._sums)
+        self._tiles = {}
+
+    def _tiles_of(self, axis: int) -> _Tiles:
+        if axis not in self._tiles:
+            coefficients = self._sums.coefficients.shape[3]
+            self._tiles[axis] = _Tiles(self._sums.spec, axis, coefficients, self._workspace)
+        return self._tiles[axis]
+
+
 def accumulate(
     sums: FieldSums,
     positions: Floats,
@@ -49,51 +129,10 @@ def accumulate(
     kernel: Kernel,
     repair: RepairKind = "pull-push",
 ) -> None:
-    """Add K directions to the sums of a grid.
-
-    Parameters
-    ----------
-    positions
-        ``(P, 3)`` metres.
-    directions
-        ``(K, 3)`` unit vectors in world axes.
-    offsets
-        ``(K, 3)``, or ``(K, P, 3)`` where the probes are turned differently: from a probe's position to its ray.
-    radiance
-        ``(K, P, 3)`` float32; NaN where a probe has no sample in that direction.
-    rows
-        ``(K, bands²)``: what radiance 1 in the direction adds to each coefficient.
-    weights
-        ``(K,)`` solid angles, steradian.
-
-    The same input gives the same bytes.
-    """
-    spec = sums.spec
-    scaled = directions / spec.voxel
-    scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
-    centres = spec.to_cells(positions)
-    # Samples that lie together in space lie together in every plane: the lattice stays in the cache.
-    order = _space_order(centres)
-    centres = centres[order]
-    layer_axis = np.argmax(np.abs(scaled), axis=1)
-    workspace = _Workspace()
-    for axis in range(3):
-        of_axis = np.flatnonzero(layer_axis == axis)
-        if of_axis.size == 0:
-            continue
-        tiles = _Tiles(spec, axis, sums.coefficients.shape[3], workspace)
-        for first in range(0, of_axis.size, BLOCK):
-            chosen = of_axis[first : first + BLOCK]
-            block = _Block(spec, scaled[chosen], kernel, workspace)
-            for k, q in enumerate(chosen):
-                offset = offsets[q] if offsets.ndim == 2 else offsets[q, order]
-                if not block.add(k, centres + offset / spec.voxel, radiance[q, order], repair):
-                    sums.dark += float(weights[q])
-            if repair in ("mipmap", "none"):
-                tiles.add_volumes(block, rows[chosen], weights[chosen], repair)
-            else:
-                tiles.add(block, rows[chosen], weights[chosen])
-        tiles.finish(sums)
+    """Add directions to sums in one call; arguments are those of `Resampler` and `Resampler.add`."""
+    resampler = Resampler(sums, positions, kernel, repair)
+    resampler.add(directions, offsets, radiance, rows, weights)
+    resampler.finish()
 
 
 def _space_order(points: Floats) -> NDArray[np.intp]:
@@ -163,7 +202,7 @@ class _Tiles:
         self.axis = axis
         shape = layered(np.empty(spec.shape, np.float32), axis).shape
         layers, height, width = shape
-        tall = max(1, min(height, TILE_CELLS // width))
+        tall = max(1, min(height, TILE_ROWS, TILE_CELLS // width))
         deep = max(1, min(layers, TILE_CELLS // (width * tall)))
         self.tiles = []
         for layer in range(0, layers, deep):

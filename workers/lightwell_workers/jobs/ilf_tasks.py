@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightwell.field.gather import gather, turned_offsets
-from lightwell.field.resample import Kernel, accumulate
+from lightwell.field.resample import Kernel, Resampler
 from lightwell.field.sums import FieldSums
 from lightwell.io.angular import AngularStore
 from lightwell.job_settings import IlfGridSettings
@@ -19,7 +19,7 @@ from lightwell.synthetic.rig import rotation_of
 from lightwell_workers.jobs.context import stop_if_cancelled
 from lightwell_workers.jobs.ilf_plan import MEGABYTE, Field
 
-MOST_BLOCK = 2048
+MOST_BLOCK = 1024
 
 
 @lru_cache(maxsize=2)
@@ -62,47 +62,40 @@ def resample_part(cancel: Path, document: str, digest: str, store: str, out: str
     kernel = Kernel(settings.support_cells, settings.sigma_cells)
     sums = [FieldSums(spec, settings.bands) for spec in field.specs]
     turns = rotation_of(capture.poses.orientations) if field.rotating else None
+    resamplers = [Resampler(one, capture.poses.positions, kernel, settings.repair) for one in sums]
     bytes_each = capture.count * 3 * 4 * (6 if field.rotating else 2)
-    block = max(1, min(MOST_BLOCK, settings.memory_mb * MEGABYTE // bytes_each, _quick(field)))
+    block = max(1, min(MOST_BLOCK, settings.memory_mb * MEGABYTE // bytes_each))
     with threadpool_limits(1):
         for start in range(first, last, block):
-            stop_if_cancelled(cancel)
             chosen = slice(start, min(start + block, last))
             directions, offsets = buckets.directions[chosen], buckets.offsets[chosen]
             if turns is not None and field.sphere_radius_m is not None:
                 offsets = turned_offsets(field.mapping, directions, turns, field.sphere_radius_m)
             radiance = samples.read(chosen.start, chosen.stop)
-            for one in sums:
-                accumulate(
-                    one,
-                    capture.poses.positions,
+            for resampler in resamplers:
+                resampler.add(
                     directions,
                     offsets,
                     radiance,
                     buckets.rows[chosen],
                     buckets.weights[chosen],
-                    kernel,
-                    settings.repair,
+                    partial(stop_if_cancelled, cancel),
                 )
+        for resampler in resamplers:
+            resampler.finish()
     save_sums(Path(out), sums)
-
-
-def _quick(field: Field) -> int:
-    """Return how many directions take about half a second, so that a cancelled job stops soon."""
-    cells = sum(spec.cells for spec in field.specs)
-    return max(64, round(0.5 / (field.capture.count * 0.3e-6 + cells * 2e-8)))
 
 
 def save_sums(path: Path, sums: list[FieldSums]) -> None:
     """Write sums of several grids; the file appears whole or not at all."""
     arrays = {f"{index}.{name}": array for index, one in enumerate(sums) for name, array in one.arrays().items()}
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        with partial.open("wb") as file:
+        with unfinished.open("wb") as file:
             np.savez(file, **arrays)  # type: ignore[arg-type]
-        partial.replace(path)
+        unfinished.replace(path)
     finally:
-        partial.unlink(missing_ok=True)
+        unfinished.unlink(missing_ok=True)
 
 
 def load_sums(path: Path, field: Field) -> list[FieldSums]:
