@@ -1,0 +1,132 @@
+"""The grids of paper 000 at full size, through the real queue: sorting, resampling, memory, and the limit to approach.
+
+Simulates both scenes (4,397 and 8,454 probes of 250×250), submits the jobs to an executor and reads their stages from
+the job's own log. The baseline of the resampling is the bare matrix product of the same multiply–adds.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import psutil
+from threadpoolctl import threadpool_limits
+
+from bench.report import Row, row
+from lightwell.io.simulate import RigSettings, simulate_capture
+from lightwell.job_settings import JobsSettings
+from lightwell.synthetic.scene import PRESETS
+from lightwell_workers.jobs.queue import Queue
+
+BANDS = 5
+SCENES = (("scene1", 4397, 64, 45 * 60.0, 4 * 3600.0), ("scene2", 8454, 32, 105 * 60.0, 3600.0))
+"""Name, probes, cells along each axis, and the paper's seconds for sorting and for resampling."""
+BLOCK = 256
+COLUMNS = 6144
+
+
+def _multiply(count: int) -> None:
+    """Do ``count`` blocks of the product on one thread."""
+    rows = np.random.default_rng(0).random((BANDS * BANDS, BLOCK), np.float32)
+    radiance = np.random.default_rng(1).random((BLOCK, COLUMNS), np.float32)
+    out = np.empty((BANDS * BANDS, COLUMNS), np.float32)
+    with threadpool_limits(1):
+        for _ in range(count):
+            np.matmul(rows, radiance, out=out)
+
+
+def _bare_product_seconds(directions: int, cells: int) -> float:
+    """Return the seconds of the bare float32 matrix product on all cores, from a twentieth of it."""
+    processes = os.cpu_count() or 1
+    blocks = max(1, round(directions / BLOCK * cells * 3 / COLUMNS / 20 / processes))
+    with ProcessPoolExecutor(processes) as pool:
+        list(pool.map(_multiply, [1] * processes))
+        started = time.perf_counter()
+        list(pool.map(_multiply, [blocks] * processes))
+        return (time.perf_counter() - started) * directions / BLOCK * cells * 3 / COLUMNS / (blocks * processes)
+
+
+class _Memory(threading.Thread):
+    """Follows the largest process below another."""
+
+    def __init__(self, pid: int) -> None:
+        super().__init__(daemon=True)
+        self._process = psutil.Process(pid)
+        self.stop = threading.Event()
+        self.largest = 0
+        self.together = 0
+
+    def run(self) -> None:
+        while not self.stop.wait(0.1):
+            try:
+                family = [self._process, *self._process.children(recursive=True)]
+                sizes = [process.memory_info().rss for process in family]
+            except psutil.NoSuchProcess:
+                continue
+            self.largest = max(self.largest, *sizes)
+            self.together = max(self.together, sum(sizes))
+
+
+def run() -> list[Row]:
+    """Return the figures."""
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        data = Path(folder)
+        command = [sys.executable, "-m", "lightwell_server.cli", "work", "--data", folder, "--log-level", "error"]
+        with subprocess.Popen(command, stdin=subprocess.DEVNULL) as executor:
+            try:
+                for scene, probes, cells, paper_sort, paper_resample in SCENES:
+                    rows += _measure(data, executor.pid, scene, probes, cells, paper_sort, paper_resample)
+            finally:
+                executor.terminate()
+    return rows
+
+
+def _measure(
+    data: Path, pid: int, scene: str, probes: int, cells: int, paper_sort: float, paper_resample: float
+) -> list[Row]:
+    capture = data / "captures" / scene
+    capture.parent.mkdir(exist_ok=True)
+    started = time.perf_counter()
+    simulate_capture(capture, PRESETS[scene], RigSettings(probes=probes, samples=1))
+    simulated = time.perf_counter() - started
+    queue = Queue(JobsSettings(), data)
+    memory = _Memory(pid)
+    memory.start()
+    settings = {"capture": str(capture), "resolutions": cells}
+    job = queue.submit("ilf-grid", settings)[0].id
+    while queue.get(job).state not in ("succeeded", "failed"):
+        time.sleep(0.2)
+    memory.stop.set()
+    done = queue.get(job)
+    if done.state == "failed":
+        raise RuntimeError(done.error)
+    seconds = {"sort": 0.0, "resample": 0.0, "finish": 0.0}
+    for _, event in queue.events(job):
+        if event.get("message") == "step done":
+            seconds[event["step"].split()[0]] += event["seconds"]
+    report = json.loads((data / "jobs" / job / "artifacts" / "report.json").read_text())
+    bare = _bare_product_seconds(report["directions"], cells**3)
+    queue.delete(job)
+    queue.close()
+    for path in capture.rglob("*.exr"):
+        path.unlink()
+    name = f"{scene}, {probes} probes, {cells}³"
+    return [
+        row(f"{name}: simulate", simulated, "s"),
+        row(f"{name}: sort (baseline: the paper's)", seconds["sort"], "s", paper_sort),
+        row(f"{name}: resample (baseline: the paper's)", seconds["resample"], "s", paper_resample),
+        row(f"{name}: resample (baseline: bare matrix product)", seconds["resample"], "s", bare),
+        row(f"{name}: finish", seconds["finish"], "s"),
+        row(f"{name}: largest process", memory.largest / 1e9, "GB"),
+        row(f"{name}: all processes", memory.together / 1e9, "GB"),
+        row(f"{name}: relative rms error against the exact field", report["error_relative"], ""),
+    ]
