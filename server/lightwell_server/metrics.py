@@ -43,6 +43,9 @@ class Metrics:
     def __init__(self, hub: Hub, restarts: Callable[[], dict[str, int]]) -> None:
         self._registry = CollectorRegistry()
         self._registry.register(_HubCollector(hub, restarts))
+        self.jobs: dict[str, int] = {}
+        """Jobs by state, as of the last request; empty where the queue has not been used."""
+        self._registry.register(_JobCollector(lambda: self.jobs))
         self._capture_to_publish = self._histogram(
             "capture_to_publish_seconds", "Time from the capture of a frame to its sending by the worker."
         )
@@ -63,6 +66,24 @@ class Metrics:
     def text(self) -> bytes:
         """Return the exposition text."""
         return generate_latest(self._registry)
+
+
+class _JobCollector(Collector):
+    """Turns the numbers of jobs into metrics."""
+
+    def __init__(self, jobs: Callable[[], dict[str, int]]) -> None:
+        self._jobs = jobs
+
+    def describe(self) -> Iterator[Metric]:
+        """Declare nothing."""
+        return iter(())
+
+    def collect(self) -> Iterator[Metric]:
+        """Return the metrics of this moment."""
+        family = GaugeMetricFamily("lightwell_jobs", "Jobs that are kept, by state.", labels=["state"])
+        for state, count in self._jobs().items():
+            family.add_metric([state], count)
+        yield family
 
 
 class _HubCollector(Collector):

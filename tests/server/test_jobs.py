@@ -87,6 +87,12 @@ def test_a_grid_from_submission_to_sample(client: Lightwell, http: httpx.Client,
     three = client.sample(grid, [(0.0, 0.1, 0.2)], convention="three", bands=1).points[0]
     assert np.allclose(three.coefficients[0], sample.points[0].coefficients[0])
     assert http.get(f"/grids/{grid}").json()["attributes"]["bands"] == 3
+    assert http.get(f"/grids/{grid}/plot", params={"normal": "1,0,0"}).content.startswith(b"\x89PNG")
+    assert http.get(f"/grids/{grid}/plot", params={"normal": "0,0,0"}).status_code == 422
+    assert http.get("/captures/rig/plot").content.startswith(b"\x89PNG")
+    assert 'lightwell_jobs{state="succeeded"}' in http.get("/metrics").text
+    assert http.get("/readyz").json()["ready"]
+    assert {kind["name"] for kind in http.get("/job-kinds").json()} == {"ilf-grid", "capture-reduce"}
 
 
 def test_artifacts_are_plain_files_with_ranges(client: Lightwell, http: httpx.Client) -> None:

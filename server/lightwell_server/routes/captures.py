@@ -102,6 +102,19 @@ async def get_capture(request: Request, capture: str) -> CaptureDocument:
     return await asyncio.to_thread(_look, registered)
 
 
+@router.get("/captures/{capture}/plot", dependencies=READ, response_class=Response, responses=problems(404, 422))
+async def plot_capture(request: Request, capture: str) -> Response:
+    """Return a PNG of where the probes stand, from above and from two sides."""
+    registered = services(request).captures.find(capture)
+
+    def plot() -> bytes:
+        from lightwell.io.plots import plot_positions  # matplotlib takes half a second to import
+
+        return plot_positions(open_capture(registered.directory).poses.positions)
+
+    return Response(await asyncio.to_thread(plot), media_type="image/png")
+
+
 @router.delete("/captures/{capture}", status_code=204, dependencies=ADMIN, responses=problems(404, 507))
 async def forget_capture(request: Request, capture: str) -> Response:
     """Forget a capture; its folder stays."""

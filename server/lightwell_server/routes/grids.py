@@ -172,6 +172,24 @@ async def preview_grid(
     return Response(await asyncio.to_thread(preview_png, opened, direction), media_type="image/png")
 
 
+@router.get("/grids/{grid}/plot", dependencies=READ, response_class=Response, responses=problems(404, 422))
+async def plot_grid_slices(
+    request: Request, grid: str, normal: Annotated[str, Query(description="x,y,z of the lit surface")] = "0,0,1"
+) -> Response:
+    """Return a PNG with axes and scales: irradiance on surfaces with this normal, and coverage, in three slices."""
+    direction = _point(normal)
+    if not any(direction):
+        raise Problem(422, "invalid-input", "normal: must not be 0,0,0")
+    opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
+    return Response(await asyncio.to_thread(_plot, opened, direction), media_type="image/png")
+
+
+def _plot(grid: Grid, normal: tuple[float, float, float]) -> bytes:
+    from lightwell.io.plots import plot_grid  # matplotlib takes half a second to import
+
+    return plot_grid(grid, normal)
+
+
 def _point(text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import shutil
 import time
 
@@ -11,6 +12,7 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from pydantic import BaseModel, Field
 
 from lightwell_server.services import Services, services
+from lightwell_workers.jobs.database import QueueError
 
 router = APIRouter(tags=["health"])
 
@@ -38,9 +40,9 @@ async def healthz() -> Health:
 
 @router.get("/readyz", responses={503: {"model": Readiness}})
 async def readyz(request: Request, response: Response) -> Readiness:
-    """Say whether each enabled stream has fresh frames and the disk has room; 503 with the reasons where not."""
+    """Say whether streams have fresh frames, the disk has room and jobs can run; 503 with the reasons where not."""
     parts = services(request)
-    reasons = [*_stale(parts), *await asyncio.to_thread(_disk, parts)]
+    reasons = [*_stale(parts), *await asyncio.to_thread(_disk, parts), *await _queue(parts)]
     if reasons:
         response.status_code = 503
     return Readiness(ready=not reasons, reasons=reasons)
@@ -49,7 +51,21 @@ async def readyz(request: Request, response: Response) -> Readiness:
 @router.get("/metrics", response_class=Response)
 async def metrics(request: Request) -> Response:
     """Return the metrics in the Prometheus text format."""
-    return Response(services(request).metrics.text(), media_type=CONTENT_TYPE_LATEST)
+    parts = services(request)
+    if parts.jobs.in_use:
+        with contextlib.suppress(QueueError):
+            parts.metrics.jobs = await parts.jobs.call(lambda queue: queue.counts())
+    return Response(parts.metrics.text(), media_type=CONTENT_TYPE_LATEST)
+
+
+async def _queue(parts: Services) -> list[str]:
+    reasons = [f"jobs: {parts.jobs.executor.trouble}"] if parts.jobs.executor.trouble else []
+    if parts.jobs.in_use:
+        try:
+            await parts.jobs.call(lambda queue: queue.page(limit=1))
+        except QueueError as error:
+            reasons.append(f"jobs: {error}")
+    return reasons
 
 
 def _stale(parts: Services) -> list[str]:
