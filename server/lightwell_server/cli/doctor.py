@@ -20,6 +20,10 @@ PACKAGES = (
     "websockets",
     "httpx",
     "pydantic",
+    "dbos",
+    "distributed",
+    "zarr",
+    "matplotlib",
 )
 COMPRESSIONS = ("none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab", "zstd")
 OLDEST_PYTHON = (3, 11)
