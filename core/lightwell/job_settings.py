@@ -92,11 +92,11 @@ class JobsSettings(Settings):
     """The queue of long jobs and the executor that works on it."""
 
     embedded: bool = Field(True, description="run one executor process beside the server")
-    database_url: str | None = Field(
-        None, description="postgresql://… for the queue's state; none: SQLite in the data directory"
+    database_url: str = Field(
+        "", description="postgresql://… for the queue's state; empty: SQLite in the data directory"
     )
-    scheduler: str | None = Field(
-        None, description="address of a Dask scheduler, tcp:// or tls://; none: processes on this machine"
+    scheduler: str = Field(
+        "", description="address of a Dask scheduler, tcp:// or tls://; empty: processes on this machine"
     )
     processes: int = Field(0, ge=0, le=1024, description="compute processes on this machine; 0: one a core")
     concurrency: int = Field(2, ge=1, le=64, description="jobs at once")

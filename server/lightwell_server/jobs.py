@@ -35,7 +35,7 @@ class Jobs:
 
     def start(self) -> None:
         """Go on with the jobs of an earlier run, where there was one."""
-        if self.settings.database_url is not None or (self._data_dir / "jobs.sqlite").exists():
+        if self.settings.database_url or (self._data_dir / "jobs.sqlite").exists():
             self.executor.ensure()
             self._retention = asyncio.create_task(self._sweep())
 

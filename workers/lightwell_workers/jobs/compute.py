@@ -49,7 +49,7 @@ class InlineCompute:
 class DaskCompute:
     """Runs tasks on a Dask cluster, which is started or joined when the first task comes."""
 
-    def __init__(self, scheduler: str | None, processes: int) -> None:
+    def __init__(self, scheduler: str, processes: int) -> None:
         self._scheduler = scheduler
         self.processes = processes or os.cpu_count() or 1
         self._client: Client | None = None
@@ -82,7 +82,7 @@ class DaskCompute:
             if self._client is not None and self._client.status == "running":
                 return self._client
             self._discard()
-            if self._scheduler is not None:
+            if self._scheduler:
                 self._client = Client(self._scheduler, timeout=CONNECT_SECONDS)
             else:
                 cluster = LocalCluster(

@@ -21,7 +21,7 @@ class QueueError(LightwellError):
     """The queue's database cannot be used."""
 
 
-def database_url(url: str | None, data_dir: Path) -> str:
+def database_url(url: str, data_dir: Path) -> str:
     """Return the URL of the queue's database."""
     return url or f"sqlite:///{(data_dir / 'jobs.sqlite').absolute()}"
 
