@@ -63,9 +63,15 @@ class Plane:
         return points[..., u_axis] - self.slope[0] * along, points[..., v_axis] - self.slope[1] * along
 
 
+def layer_axes(directions: Floats) -> NDArray[np.intp]:
+    """Return the axis that each direction ``(…, 3)`` follows most; the first one of those that tie to rounding."""
+    lengths = np.abs(directions)
+    return np.asarray(np.argmax(lengths >= (1 - 1e-9) * lengths.max(axis=-1, keepdims=True), axis=-1))
+
+
 def make_plane(direction: Floats, resolution: tuple[int, int, int]) -> Plane:
     """Return the plane of a unit direction in cell units, with a lattice that holds every cell of the grid."""
-    axis = int(np.argmax(np.abs(direction)))
+    axis = int(layer_axes(direction))
     u_axis, v_axis = AXES[axis]
     u, v, w = (float(direction[i]) for i in (u_axis, v_axis, axis))
     slope = (u / w, v / w)

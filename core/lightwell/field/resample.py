@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.field.layers import add_coverage, fill_tile
-from lightwell.field.plane import AXES, CHANNELS, Plane, gaussian_table, make_plane, normalise, splat, split
+from lightwell.field.plane import AXES, CHANNELS, Plane, gaussian_table, layer_axes, make_plane, normalise, splat, split
 from lightwell.field.repair import bilateral, mipmap, pull_push
 from lightwell.field.spec import Floats, GridSpec
 from lightwell.field.sums import FieldSums, layered
@@ -88,7 +88,7 @@ class Resampler:
         spec, order = self._sums.spec, self._order
         scaled = directions / spec.voxel
         scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
-        layer_axis = np.argmax(np.abs(scaled), axis=1)
+        layer_axis = layer_axes(scaled)
         for axis in range(3):
             of_axis = np.flatnonzero(layer_axis == axis)
             for first in range(0, of_axis.size, BLOCK):
