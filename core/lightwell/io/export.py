@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import struct
 from pathlib import Path
 from typing import Literal
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from lightwell.field.grid import Grid
 from lightwell.field.tiles import pack_tiles
+from lightwell.io.files import write_atomically
 from lightwell.io.grids import GridError
 from lightwell.sh.engines import convert
 
@@ -40,25 +40,15 @@ def export_grid(grid: Grid, kind: Literal["npz", "three", "ktx2"], out: Path) ->
     """
     try:
         if kind == "npz":
-            return [_write(out, _npz(grid))]
+            return [write_atomically(out, _npz(grid))]
         if kind == "ktx2":
-            return [_write(out, ktx2(grid))]
+            return [write_atomically(out, ktx2(grid))]
         data, document = three(grid)
         document["data"] = out.with_suffix(".bin").name
         text = (json.dumps(document, indent=1) + "\n").encode()
-        return [_write(out.with_suffix(".bin"), data), _write(out.with_suffix(".json"), text)]
+        return [write_atomically(out.with_suffix(".bin"), data), write_atomically(out.with_suffix(".json"), text)]
     except OSError as error:
         raise GridError(f"{out}: cannot be written: {error.strerror}") from None
-
-
-def _write(path: Path, data: bytes) -> Path:
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return path
 
 
 def _npz(grid: Grid) -> bytes:

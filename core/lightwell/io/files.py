@@ -1,7 +1,8 @@
-"""What may be opened as a picture."""
+"""What may be opened as a picture; files that appear whole or not at all."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from lightwell.errors import FrameError
@@ -18,3 +19,14 @@ def require_file(path: Path) -> None:
         raise FrameError(path.name, "has a name that is not UTF-8: rename the file") from None
     if path.exists() and not path.is_file() and not path.is_dir():
         raise FrameError(path.name, "is not a file but a pipe, a socket or a device")
+
+
+def write_atomically(path: Path, data: bytes) -> Path:
+    """Write a file that appears whole or not at all; return its path. Raises ``OSError``."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_bytes(data)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path

@@ -1,4 +1,4 @@
-"""What the routes of jobs, captures and results ask of their callers, and the problems that they answer with."""
+"""What routes ask of their callers, and the problems that they answer with."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ _TEXTS = {
     401: "a token is needed or wrong",
     403: "the token, the page or the folder is not allowed",
     404: "there is none of this name",
-    409: "the state does not allow it",
+    409: "in conflict with what there is, or its state does not allow it",
+    412: "changed meanwhile",
+    415: "the body must be application/json",
     416: "the range lies outside the file",
     422: "not valid; `errors` names field, value and remedy",
     503: "the queue's database does not answer",
-    507: "there is no room for it",
+    507: "there is no room for it, or it cannot be kept",
 }
 
 

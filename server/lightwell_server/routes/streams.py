@@ -6,47 +6,18 @@ import time
 from typing import Annotated, Any
 
 import msgspec
-from fastapi import APIRouter, Body, Depends, Header, Query, Request, Response
+from fastapi import APIRouter, Body, Header, Query, Request, Response
 
 from lightwell.conventions import MAX_STREAM_BANDS, Convention
 from lightwell.wire import unpack_coefficients
-from lightwell_server.auth import Scope
 from lightwell_server.catalogue import Entry
-from lightwell_server.problems import Problem, ProblemDocument
+from lightwell_server.problems import Problem
+from lightwell_server.routes.access import ADMIN, READ, problems
 from lightwell_server.routes.schema import Latest, StreamCreation, StreamDescription, StreamList, describe
 from lightwell_server.services import Services, services
 from lightwell_server.variants import Variant, make_variant
 
-
-def _require_read(request: Request) -> None:
-    services(request).auth.require(request, Scope.READ)
-
-
-def _require_admin(request: Request) -> None:
-    services(request).auth.require(request, Scope.ADMIN)
-
-
-READ = [Depends(_require_read)]
-ADMIN = [Depends(_require_admin)]
 IfMatch = Annotated[str | None, Header(description="only where the stream still has one of these ETags")]
-
-_TEXTS = {
-    401: "a token is needed or wrong",
-    403: "the token or the page may not do this",
-    404: "there is no such stream",
-    409: "in conflict with what there is",
-    412: "changed meanwhile",
-    415: "the body must be application/json",
-    422: "not valid; `errors` names field, value and remedy",
-    507: "cannot be kept, as on a full disk",
-}
-
-
-def _problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return OpenAPI's description of the problems that a route may answer with."""
-    content = {"application/problem+json": {"schema": ProblemDocument.model_json_schema()}}
-    return {status: {"description": _TEXTS[status], "content": content} for status in (401, 403, *statuses)}
-
 
 router = APIRouter(tags=["streams"])
 
@@ -55,14 +26,14 @@ def _description(parts: Services, entry: Entry) -> StreamDescription:
     return describe(entry, parts.catalogue.channel(entry.name), parts.supervisor.report(entry.name), time.monotonic())
 
 
-@router.get("/streams", dependencies=READ, responses=_problems())
+@router.get("/streams", dependencies=READ, responses=problems())
 async def list_streams(request: Request) -> StreamList:
     """List the streams."""
     parts = services(request)
     return StreamList(streams=[_description(parts, entry) for entry in parts.catalogue.entries()])
 
 
-@router.post("/streams", status_code=201, dependencies=ADMIN, responses=_problems(409, 415, 422, 507))
+@router.post("/streams", status_code=201, dependencies=ADMIN, responses=problems(409, 415, 422, 507))
 async def create_stream(request: Request, response: Response, creation: StreamCreation) -> StreamDescription:
     """Add a stream; it survives a restart."""
     parts = services(request)
@@ -72,7 +43,7 @@ async def create_stream(request: Request, response: Response, creation: StreamCr
     return _description(parts, entry)
 
 
-@router.get("/streams/{name}", dependencies=READ, responses=_problems(404))
+@router.get("/streams/{name}", dependencies=READ, responses=problems(404))
 async def get_stream(request: Request, response: Response, name: str) -> StreamDescription:
     """Describe one stream."""
     parts = services(request)
@@ -81,7 +52,7 @@ async def get_stream(request: Request, response: Response, name: str) -> StreamD
     return _description(parts, entry)
 
 
-@router.patch("/streams/{name}", dependencies=ADMIN, responses=_problems(404, 412, 415, 422, 507))
+@router.patch("/streams/{name}", dependencies=ADMIN, responses=problems(404, 412, 415, 422, 507))
 async def change_stream(
     request: Request,
     response: Response,
@@ -105,7 +76,7 @@ async def change_stream(
 @router.delete(
     "/streams/{name}",
     dependencies=ADMIN,
-    responses={204: {"description": "the stream is gone"}, **_problems(404, 409, 412, 507)},
+    responses={204: {"description": "the stream is gone"}, **problems(404, 409, 412, 507)},
     response_model=StreamDescription,
 )
 async def delete_stream(request: Request, name: str, if_match: IfMatch = None) -> Response | StreamDescription:
@@ -115,7 +86,7 @@ async def delete_stream(request: Request, name: str, if_match: IfMatch = None) -
     return Response(status_code=204) if restored is None else _description(parts, restored)
 
 
-@router.get("/streams/{name}/latest", dependencies=READ, responses=_problems(404, 422))
+@router.get("/streams/{name}/latest", dependencies=READ, responses=problems(404, 422))
 async def latest(
     request: Request,
     name: str,

@@ -17,11 +17,11 @@ import numpy as np
 from lightwell.field.reduce import Decision, Frame, decide
 from lightwell.field.spec import Floats
 from lightwell.io.captures import DOCUMENT, POSES, Capture, open_capture
+from lightwell.io.files import write_atomically
 from lightwell.io.poses import Poses, write_poses
 from lightwell.io.preview import encode_png
 from lightwell.job_settings import CaptureReduceSettings, JobKind
 from lightwell_workers.jobs.context import JobContext
-from lightwell_workers.jobs.directory import write_atomically
 from lightwell_workers.jobs.kind import Estimate, JobError, Step
 
 FRAME_SECONDS = 3e-3

@@ -16,12 +16,13 @@ from __future__ import annotations
 
 import hashlib
 import mimetypes
-import os
 import re
 import shutil
 from pathlib import Path
 
 import msgspec
+
+from lightwell.io.files import write_atomically
 
 JOB_ID = re.compile(r"^[a-z0-9][a-z0-9-]{7,63}$")
 
@@ -80,16 +81,6 @@ class JobDirectory:
         artifacts = [_describe(self.id, path) for path in sorted(self.artifacts.iterdir())]
         write_atomically(self.manifest, msgspec.json.format(msgspec.json.encode(artifacts), indent=1))
         shutil.rmtree(self.work, ignore_errors=True)
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file that appears whole or not at all."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _describe(job: str, path: Path) -> Artifact:

@@ -12,12 +12,12 @@ from lightwell.field.gradient import central_differences
 from lightwell.field.grid import Grid
 from lightwell.field.spec import Floats
 from lightwell.field.sums import FieldSums
+from lightwell.io.files import write_atomically
 from lightwell.io.grids import write_grid
 from lightwell.io.preview import preview_png
 from lightwell.sh.window import fixed_window, laplacian_window, weakest_strength
 from lightwell.synthetic.scene import scene_from_json
 from lightwell_workers.jobs.context import JobContext
-from lightwell_workers.jobs.directory import write_atomically
 from lightwell_workers.jobs.ilf_plan import Field, capture_attributes
 
 COMPARED_CELLS = 512

@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 
 from lightwell.io.angular import AngularStore
+from lightwell.io.files import write_atomically
 from lightwell.job_settings import IlfGridSettings, JobKind
 from lightwell_workers.jobs.context import JobContext
-from lightwell_workers.jobs.directory import write_atomically
 from lightwell_workers.jobs.ilf_finish import finish
 from lightwell_workers.jobs.ilf_plan import Field, Part, Plan, estimate, make_plan, read_plan
 from lightwell_workers.jobs.ilf_tasks import load_sums, open_field, resample_part, save_sums, sort_batch
