@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from lightwell.conventions import bands_of_count, coefficient_count
+from lightwell.field.points import Outside, place_points
 from lightwell.field.spec import Floats, GridSpec
 
 Singles = NDArray[np.float32]
@@ -47,13 +48,17 @@ class Grid:
         """SH bands."""
         return bands_of_count(self.coefficients.shape[3])
 
+    def memory_bytes(self, precision: Literal["float32", "float16"] = "float32") -> int:
+        """Return the memory of coefficients and coverage, with coefficients of that precision."""
+        return int(self.coefficients.size * np.dtype(precision).itemsize + self.coverage.nbytes)
+
     def sample(
         self,
         points: ArrayLike,
         *,
         gradients: bool = False,
         bands: int | None = None,
-        outside: Literal["clamp", "nan", "error"] = "clamp",
+        outside: Outside = "clamp",
     ) -> FieldSamples:
         """Return the light at ``points`` ``(…, 3)`` in metres.
 
@@ -68,24 +73,16 @@ class Grid:
             Where a point is not finite, lies outside with ``outside`` = ``error``, or more bands are asked for than
             there are.
         """
-        flat = np.ascontiguousarray(np.asarray(points, dtype=np.float64).reshape(-1, 3))
-        if not np.isfinite(flat).all():
-            raise ValueError("points must be finite")
         wanted = bands or self.bands
         if wanted > self.bands:
             raise ValueError(f"the grid has {self.bands} bands, not {wanted}")
         count = coefficient_count(wanted)
-        lower, upper = np.array(self.spec.lower), np.array(self.spec.upper)
-        beyond = ((flat < lower) | (flat > upper)).any(axis=1)
-        if outside == "error" and beyond.any():
-            where = ", ".join(f"{value:g}" for value in flat[np.argmax(beyond)])
-            raise ValueError(f"({where}) lies outside the grid, {self.spec.lower} … {self.spec.upper}")
-        cells = self.spec.to_cells(flat) - 0.5
+        cells, beyond = place_points(self.spec, points, outside)
         half_gradient = self.gradients is not None
         table = self.gradients if self.gradients is not None else np.zeros((1, 1, 1, 1, 1, 1), np.float32)
-        values = np.empty((len(flat), count, 3))
-        slopes = np.zeros((len(flat), count, 3, 3))
-        coverage = np.empty(len(flat))
+        values = np.empty((len(cells), count, 3))
+        slopes = np.zeros((len(cells), count, 3, 3))
+        coverage = np.empty(len(cells))
         _sample(
             cells, self.spec.voxel, self.coefficients, self.coverage, table, half_gradient, values, slopes, coverage
         )
@@ -97,6 +94,10 @@ class Grid:
             coverage.reshape(shape),
             slopes.reshape(*shape, count, 3, 3) if gradients else None,
         )
+
+    def to_regular(self) -> Self:
+        """Return the regular grid that this is: `lightwell.field.adaptive.AdaptiveGrid` makes one."""
+        return self
 
 
 @njit(cache=True, nogil=True)
