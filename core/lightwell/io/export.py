@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.field.adaptive import AdaptiveGrid, AnyGrid
 from lightwell.field.grid import Grid
 from lightwell.field.tiles import pack_tiles
 from lightwell.io.files import write_atomically
@@ -21,17 +22,19 @@ KTX2_IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 THREE_COEFFICIENTS = 9
 
 
-def export_grid(grid: Grid, kind: Literal["npz", "three", "ktx2"], out: Path) -> list[Path]:
+def export_grid(grid: AnyGrid, kind: Literal["npz", "three", "ktx2"], out: Path) -> list[Path]:
     """Write a grid for other programs; return the files that were written.
 
     ``npz``
         ``coefficients`` (z, y, x, bands², 3), ``coverage``, ``lower_m``, ``upper_m`` and, where there are any,
-        ``gradients``.
+        ``gradients``. Of an adaptive grid its own arrays (`lightwell.field.adaptive`), ``resolution`` and bounds.
     ``three``
         ``OUT.bin``: the 3D texture atlas of three.js's ``LightProbeGridWebGL``, with nine coefficients; ``OUT.json``
         describes it. Axes are three.js's (y up), and the grid is laid out along them.
     ``ktx2``
         One 3D texture of RGBA halves, the tiles of `lightwell.field.tiles` one above the other along z.
+
+    The latter two know regular grids only: an adaptive one is written as the regular grid that it stands for.
 
     Raises
     ------
@@ -42,8 +45,8 @@ def export_grid(grid: Grid, kind: Literal["npz", "three", "ktx2"], out: Path) ->
         if kind == "npz":
             return [write_atomically(out, _npz(grid))]
         if kind == "ktx2":
-            return [write_atomically(out, ktx2(grid))]
-        data, document = three(grid)
+            return [write_atomically(out, ktx2(grid.to_regular()))]
+        data, document = three(grid.to_regular())
         document["data"] = out.with_suffix(".bin").name
         text = (json.dumps(document, indent=1) + "\n").encode()
         return [write_atomically(out.with_suffix(".bin"), data), write_atomically(out.with_suffix(".json"), text)]
@@ -51,7 +54,7 @@ def export_grid(grid: Grid, kind: Literal["npz", "three", "ktx2"], out: Path) ->
         raise GridError(f"{out}: cannot be written: {error.strerror}") from None
 
 
-def _npz(grid: Grid) -> bytes:
+def _npz(grid: AnyGrid) -> bytes:
     import io
 
     arrays: dict[str, NDArray[np.generic]] = {
@@ -60,7 +63,10 @@ def _npz(grid: Grid) -> bytes:
         "lower_m": np.array(grid.spec.lower),
         "upper_m": np.array(grid.spec.upper),
     }
-    if grid.gradients is not None:
+    if isinstance(grid, AdaptiveGrid):
+        arrays |= {"pages": grid.pages, "levels": grid.levels, "nodes": grid.nodes}
+        arrays["resolution"] = np.array(grid.spec.resolution)
+    elif grid.gradients is not None:
         arrays["gradients"] = grid.gradients
     out = io.BytesIO()
     np.savez(out, **arrays)  # type: ignore[arg-type]

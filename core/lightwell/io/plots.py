@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lightwell.field.grid import Grid
+from lightwell.field.adaptive import AnyGrid
 from lightwell.io.preview import irradiance_slice
 
 NAMES = "xyz"
@@ -20,8 +20,9 @@ def _png(figure: Figure) -> bytes:
     return out.getvalue()
 
 
-def plot_grid(grid: Grid, normal: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> bytes:
+def plot_grid(opened: AnyGrid, normal: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> bytes:
     """Return a PNG: irradiance on surfaces with ``normal`` and coverage, in the middle slices across z, y and x."""
+    grid = opened.to_regular()
     figure = Figure(figsize=(11, 7), layout="constrained")
     axes = figure.subplots(2, 3)
     slices = [irradiance_slice(grid, axis, grid.spec.resolution[axis] // 2, normal) for axis in (2, 1, 0)]

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.field.adaptive import AnyGrid
 from lightwell.field.grid import Grid
 from lightwell.sh.lobes import lambert_zonal, zonal_to_coefficients
 
@@ -29,14 +30,15 @@ def encode_png(pixels: NDArray[np.uint8]) -> bytes:
     return data.tobytes()
 
 
-def preview_png(grid: Grid, normal: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> bytes:
+def preview_png(shown: AnyGrid, normal: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> bytes:
     """Return a PNG of the middle slices across z, y and x, side by side, up or right = rising coordinate."""
+    grid = shown.to_regular()
     slices = [irradiance_slice(grid, axis, grid.spec.resolution[axis] // 2, normal) for axis in (2, 1, 0)]
     white = max(float(np.quantile(np.concatenate([part.reshape(-1) for part in slices]), 0.98)), 1e-12)
     tiles = []
     for part in slices:
-        shown = np.clip(part[::-1] / white, 0, 1) ** (1 / 2.2) * 255
+        pixels = np.clip(part[::-1] / white, 0, 1) ** (1 / 2.2) * 255
         width = max(1, round(HEIGHT * part.shape[1] / part.shape[0]))
-        tiles.append(cv2.resize(shown.astype(np.uint8), (width, HEIGHT), interpolation=cv2.INTER_NEAREST))
+        tiles.append(cv2.resize(pixels.astype(np.uint8), (width, HEIGHT), interpolation=cv2.INTER_NEAREST))
         tiles.append(np.full((HEIGHT, GAP, 3), 255, np.uint8))
     return encode_png(np.concatenate(tiles[:-1], axis=1))

@@ -12,7 +12,7 @@ from lightwell.conventions import Convention
 from lightwell_server.cli.connection import JSON, SERVER, TOKEN, connect
 
 if TYPE_CHECKING:
-    from lightwell.field.grid import Grid
+    from lightwell.field.adaptive import AnyGrid
 
 grid_commands = typer.Typer(help="Look into a finished grid.", no_args_is_help=True)
 
@@ -31,26 +31,33 @@ def info(
     """Describe a grid."""
     import numpy as np
 
+    from lightwell.field.adaptive import AdaptiveGrid
+
     opened = _open(grid, server, token)
-    spec, coefficients = opened.spec, opened.coefficients
+    regular = opened.to_regular()
+    spec, coefficients = opened.spec, regular.coefficients
     summary = {
         "grid": grid,
+        "form": "adaptive" if isinstance(opened, AdaptiveGrid) else "regular",
         "resolution": list(spec.resolution),
         "lower_m": list(spec.lower),
         "upper_m": list(spec.upper),
         "voxel_m": spec.voxel.tolist(),
         "bands": opened.bands,
-        "gradients": opened.gradients is not None,
-        "megabytes": round(coefficients.nbytes / 1e6, 3),
+        "gradients": regular.gradients is not None,
+        "megabytes": round(opened.memory_bytes() / 1e6, 3),
         "rms": float(np.sqrt((coefficients.astype(np.float64) ** 2).sum(axis=(-1, -2)).mean())),
-        "coverage_mean": float(opened.coverage.mean()),
-        "coverage_least": float(opened.coverage.min()),
+        "coverage_mean": float(regular.coverage.mean()),
+        "coverage_least": float(regular.coverage.min()),
         "attributes": opened.attributes,
     }
+    if isinstance(opened, AdaptiveGrid):
+        of_regular = opened.memory_bytes() / regular.memory_bytes()
+        summary |= {"tolerance": opened.tolerance, "leaves": opened.leaves, "memory_of_regular": round(of_regular, 4)}
     if plot is not None:
         from lightwell.io.plots import plot_grid
 
-        plot.write_bytes(plot_grid(opened, _vector("--normal", normal)))
+        plot.write_bytes(plot_grid(regular, _vector("--normal", normal)))
     if json:
         print(json_module.dumps(summary))
         return
@@ -107,7 +114,7 @@ def export(
         print(path)
 
 
-def _open(grid: str, server: str, token: str | None) -> Grid:
+def _open(grid: str, server: str, token: str | None) -> AnyGrid:
     """Open a grid on disk, or fetch it from a server."""
     import tempfile
 

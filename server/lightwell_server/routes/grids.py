@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from lightwell.conventions import Convention
-from lightwell.field.grid import Grid
+from lightwell.field.adaptive import AnyGrid
 from lightwell.io.grids import GridError, open_grid
 from lightwell.io.preview import preview_png
 from lightwell.sh.engines import convert
@@ -69,12 +69,12 @@ class GridSample(BaseModel):
 
 
 @lru_cache(maxsize=4)
-def _cached(path: Path, sha256: str) -> Grid:
+def _cached(path: Path, sha256: str) -> AnyGrid:
     del sha256  # tells apart what may lie at the path one after the other
     return open_grid(path)
 
 
-def _open(root: Path, grid: str) -> Grid:
+def _open(root: Path, grid: str) -> AnyGrid:
     try:
         artifact, place = find_artifact(root, grid)
     except ArtifactNotFoundError:
@@ -138,7 +138,7 @@ async def sample_grid(
 
 def describe_samples(
     name: str,
-    grid: Grid,
+    grid: AnyGrid,
     points: NDArray[np.float64],
     bands: int,
     convention: Convention,
@@ -184,7 +184,7 @@ async def plot_grid_slices(
     return Response(await asyncio.to_thread(_plot, opened, direction), media_type="image/png")
 
 
-def _plot(grid: Grid, normal: tuple[float, float, float]) -> bytes:
+def _plot(grid: AnyGrid, normal: tuple[float, float, float]) -> bytes:
     from lightwell.io.plots import plot_grid  # matplotlib takes half a second to import
 
     return plot_grid(grid, normal)

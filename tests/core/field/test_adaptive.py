@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.support.reference_adaptive import adaptive_light
+from tests.support.reference_adaptive import adaptive_light, make_bumpy
 
 from lightwell.field.adapt import adapt, compare, mean_square
 from lightwell.field.adaptive import AdaptiveGrid
@@ -20,19 +20,6 @@ from lightwell.field.tiles import unpack_tiles
 
 SIZES = st.tuples(*[st.sampled_from([1, 2, 3, 5, 6, 8, 9, 13, 17, 22])] * 3)
 TOLERANCES = st.sampled_from([0.01, 0.1, 0.3, 1.0])
-
-
-def _bumpy(resolution: tuple[int, int, int], seed: int = 0, sharp: float = 40.0, noise: float = 0.0) -> Grid:
-    """Return a smooth field with a bump that is sharp enough for small leaves round it."""
-    spec = GridSpec((-1, 0, 2), (1, 3, 4), resolution)
-    generator = np.random.default_rng(seed)
-    places = (spec.centres() - np.array(spec.lower)) / (np.array(spec.upper) - np.array(spec.lower))
-    slope, bump = generator.normal(size=(2, 4, 3))
-    centre = generator.random(3)
-    shape = np.exp(-sharp * ((places - centre) ** 2).sum(axis=-1))
-    field = 1 + places[..., 0, None, None] * slope + shape[..., None, None] * 5 * bump
-    field += noise * generator.normal(size=field.shape)
-    return Grid(spec, field.astype(np.float32), np.clip(shape, 0, 1).astype(np.float32))
 
 
 def _points(grid: AdaptiveGrid, count: int, seed: int = 0) -> Any:
@@ -49,7 +36,7 @@ def _points(grid: AdaptiveGrid, count: int, seed: int = 0) -> Any:
 def test_sampling_agrees_with_looking_through_all_leaves(
     resolution: tuple[int, int, int], tolerance: float, seed: int, noise: float
 ) -> None:
-    grid = adapt(_bumpy(resolution, seed, noise=noise), tolerance)
+    grid = adapt(make_bumpy(resolution, seed, noise=noise), tolerance)
     points = _points(grid, 30, seed)
     found = grid.sample(points)
     for index, point in enumerate(points):
@@ -63,7 +50,7 @@ def test_sampling_agrees_with_looking_through_all_leaves(
 def test_every_cell_is_within_the_tolerance(
     resolution: tuple[int, int, int], tolerance: float, seed: int, noise: float
 ) -> None:
-    regular = _bumpy(resolution, seed, noise=noise)
+    regular = make_bumpy(resolution, seed, noise=noise)
     grid = adapt(regular, tolerance)
     found = grid.sample(regular.spec.centres()).coefficients
     errors = np.sqrt(((found - regular.coefficients) ** 2).sum(axis=(-1, -2)))
@@ -89,7 +76,7 @@ def test_every_cell_is_within_the_tolerance(
 @given(resolution=SIZES, tolerance=TOLERANCES, seed=st.integers(0, 99))
 def test_the_field_is_continuous_across_leaves(resolution: tuple[int, int, int], tolerance: float, seed: int) -> None:
     """On both sides of every face between blocks, at places that are no nodes along the face."""
-    grid = adapt(_bumpy(resolution, seed, noise=0.3), tolerance)
+    grid = adapt(make_bumpy(resolution, seed, noise=0.3), tolerance)
     generator = np.random.default_rng(seed)
     scale = float(np.abs(grid.coefficients).max())
     for axis in range(3):
@@ -108,7 +95,7 @@ def test_the_field_is_continuous_across_leaves(resolution: tuple[int, int, int],
 
 
 def test_leaves_are_small_only_where_the_light_changes() -> None:
-    regular = _bumpy((33, 33, 33), 3, sharp=400.0)
+    regular = make_bumpy((33, 33, 33), 3, sharp=400.0)
     grid = adapt(regular, 0.05)
     assert len(grid.leaves) == 4
     assert sum(count > 0 for count in grid.leaves) >= 3
@@ -130,7 +117,7 @@ def test_what_one_brick_can_say_is_one_brick(resolution: tuple[int, int, int]) -
 
 
 def test_a_small_tolerance_gives_the_regular_grid_back_exactly() -> None:
-    regular = _bumpy((11, 6, 9), noise=1.0)
+    regular = make_bumpy((11, 6, 9), noise=1.0)
     grid = adapt(regular, 1e-6)
     assert grid.leaves[0] == len(grid.levels)
     np.testing.assert_array_equal(grid.to_regular().coefficients, regular.coefficients)
@@ -142,7 +129,7 @@ def test_a_small_tolerance_gives_the_regular_grid_back_exactly() -> None:
 
 
 def test_gradients_are_those_of_its_own_interpolation() -> None:
-    grid = adapt(_bumpy((17, 13, 9), noise=0.2), 0.3)
+    grid = adapt(make_bumpy((17, 13, 9), noise=0.2), 0.3)
     points = np.random.default_rng(3).uniform((-0.9, 0.2, 2.2), (0.9, 2.8, 3.8), (50, 3))
     slopes = grid.sample(points, gradients=True).gradients
     assert slopes is not None
@@ -151,14 +138,14 @@ def test_gradients_are_those_of_its_own_interpolation() -> None:
         step[axis] = 1e-6
         change = (grid.sample(points + step).coefficients - grid.sample(points - step).coefficients) / 2e-6
         assert np.median(np.abs(change - slopes[..., axis])) < 1e-7
-    flat = adapt(_bumpy((1, 9, 9)), 0.1).sample([[0.0, 1.0, 3.0], [0.0, -5.0, 3.0]], gradients=True).gradients
+    flat = adapt(make_bumpy((1, 9, 9)), 0.1).sample([[0.0, 1.0, 3.0], [0.0, -5.0, 3.0]], gradients=True).gradients
     assert flat is not None
     assert (flat[..., 0] == 0).all()
     assert (flat[1, ..., 1] == 0).all()
 
 
 def test_outside_and_what_cannot_be() -> None:
-    regular = _bumpy((8, 8, 8))
+    regular = make_bumpy((8, 8, 8))
     grid = adapt(regular, 0.1)
     far = np.array([[5.0, 0.1, 2.1], [0.5, 0.5, 2.5]])
     assert np.isfinite(grid.sample(far).coefficients).all()
@@ -180,7 +167,7 @@ def test_outside_and_what_cannot_be() -> None:
 
 def test_the_atlas_says_the_same_by_the_formulas_of_its_layout() -> None:
     """What a shader does, in NumPy: page, level, slot, and the hardware's filter at the texture coordinate."""
-    grid = adapt(_bumpy((22, 13, 1), noise=0.1), 0.2)
+    grid = adapt(make_bumpy((22, 13, 1), noise=0.1), 0.2)
     atlas = make_atlas(grid)
     assert atlas.tiles.nbytes == atlas_bytes(grid)
     texels = unpack_tiles(atlas.tiles, 4, atlas.scale)

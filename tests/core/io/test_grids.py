@@ -35,6 +35,7 @@ def test_round_trip(tmp_path: Path, gradients: bool) -> None:
     grid = _grid(gradients=gradients)
     write_grid(tmp_path / "g.zarr", grid)
     found = open_grid(tmp_path / "g.zarr")
+    assert isinstance(found, Grid)
     np.testing.assert_array_equal(found.coefficients, grid.coefficients)
     assert (found.spec, found.bands, found.gradients is not None) == (grid.spec, 5, gradients)
     group = zarr.open_group(tmp_path / "g.zarr", mode="r")
