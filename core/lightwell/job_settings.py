@@ -64,6 +64,13 @@ class IlfGridSettings(Settings):
     window: WindowSettings = WindowSettings()
     gradients: GradientKind = Field("none", description="gradient of the coefficients: none, or central differences")
     precision: Literal["float32", "float16"] = Field("float32", description="type of the stored coefficients")
+    adaptive_tolerance: float | None = Field(
+        None,
+        gt=0,
+        lt=1,
+        description="also write an adaptive grid, within this of the regular one in every cell, relative to the rms"
+        " coefficient vector; default: none",
+    )
     directions: int = Field(
         16384, ge=64, le=262144, description="rotating rigs: directions to which each probe is gathered"
     )

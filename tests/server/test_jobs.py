@@ -6,6 +6,7 @@ import contextlib
 import json
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -93,6 +94,44 @@ def test_a_grid_from_submission_to_sample(client: Lightwell, http: httpx.Client,
     assert 'lightwell_jobs{state="succeeded"}' in http.get("/metrics").text
     assert http.get("/readyz").json()["ready"]
     assert {kind["name"] for kind in http.get("/job-kinds").json()} == {"ilf-grid", "capture-reduce"}
+
+
+def test_an_adaptive_grid_is_sampled_like_a_regular_one(client: Lightwell, http: httpx.Client, tmp_path: Path) -> None:
+    settings = {"capture": "captures/rig", "resolutions": [9, [6, 5, 1]], "bands": 2, "adaptive_tolerance": 0.2}
+    job = client.wait(client.submit("ilf-grid", settings | {"precision": "float16", "window": {"kind": "hann"}}).id)
+    assert job.state == "succeeded", job.error
+    report = json.loads(client.artifact(f"{job.id}.report"))
+    for part in report["grids"]:
+        found = part["adaptive"]
+        assert found["ratio"] == found["bytes"] / found["bytes_regular"]
+        assert found["difference_rms"] <= found["difference_largest"] <= 0.2 + 1e-3  # halves round
+        assert found["error_relative"] < found["error_relative_regular"] + 0.2
+    messages = [event.get("message") for event in client.events(job.id)]
+    assert messages.count("adaptive grid") == 2
+    grids = {item["id"] for item in client.grids()}
+    sampled = []
+    for form in ("grid", "adaptive"):
+        grid = f"{job.id}.{form}-9x9x9"
+        assert grid in grids
+        sampled.append(client.sample(grid, [(0.0, 0.1, 0.2), (9.0, 0.0, 0.0)], gradients=True).points)
+        assert http.get(f"/grids/{grid}/preview").content.startswith(b"\x89PNG")
+        assert http.get(f"/grids/{grid}/plot").content.startswith(b"\x89PNG")
+        assert http.get(f"/grids/{grid}").json()["attributes"]["resolution"] == [9, 9, 9]
+    for regular, adaptive in zip(*sampled, strict=True):
+        assert adaptive.gradients is not None
+        np.testing.assert_allclose(adaptive.coefficients, regular.coefficients, atol=1.0)
+    client.download(f"{job.id}.adaptive-9x9x9", tmp_path / "adaptive.zarr")
+    command = [sys.executable, "-m", "lightwell_server.cli", "grid"]
+    path = str(tmp_path / "adaptive.zarr")
+    info = json.loads(subprocess.check_output([*command, "info", path, "--json", "--plot", str(tmp_path / "a.png")]))
+    assert (info["form"], info["tolerance"]) == ("adaptive", 0.2)
+    assert info["leaves"] == report["grids"][0]["adaptive"]["leaves"]
+    point = json.loads(subprocess.check_output([*command, "sample", path, "--at", "0,0.1,0.2", "--json"]))["points"][0]
+    np.testing.assert_allclose(point["coefficients"], sampled[1][0].coefficients)
+    for kind in ("npz", "three", "ktx2"):
+        subprocess.check_call([*command, "export", path, str(tmp_path / f"out.{kind}"), "--format", kind])
+    again = client.submit("ilf-grid", settings | {"precision": "float16", "window": {"kind": "hann"}})
+    assert [(a.path, a.sha256) for a in client.wait(again.id).artifacts] == [(a.path, a.sha256) for a in job.artifacts]
 
 
 def test_artifacts_are_plain_files_with_ranges(client: Lightwell, http: httpx.Client) -> None:

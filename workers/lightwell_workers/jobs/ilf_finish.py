@@ -16,11 +16,11 @@ from lightwell.io.files import write_atomically
 from lightwell.io.grids import write_grid
 from lightwell.io.preview import preview_png
 from lightwell.sh.window import fixed_window, laplacian_window, weakest_strength
-from lightwell.synthetic.scene import scene_from_json
 from lightwell_workers.jobs.context import JobContext
+from lightwell_workers.jobs.ilf_adaptive import write_adaptive
+from lightwell_workers.jobs.ilf_compare import relative_error
 from lightwell_workers.jobs.ilf_plan import Field, capture_attributes
 
-COMPARED_CELLS = 512
 WINDOW_CELLS = 4096
 
 
@@ -35,6 +35,9 @@ def finish(field: Field, sums: list[FieldSums], context: JobContext) -> None:
         name = f"grid-{resolution}.zarr" if several else "grid.zarr"
         write_grid(context.results / name, grid, field.settings.precision)
         reports.append({"grid": name, **report})
+        if (tolerance := field.settings.adaptive_tolerance) is not None:
+            path = context.results / name.replace("grid", "adaptive")
+            reports[-1]["adaptive"] = write_adaptive(path, field, grid, tolerance, context)
         if index == 0:
             write_atomically(context.results / "preview.png", preview_png(grid))
     report = {
@@ -61,7 +64,7 @@ def _make_grid(field: Field, sums: FieldSums, context: JobContext) -> tuple[Grid
         "dark_share": sums.dark / solid_angle,
     }
     if settings.compare and field.capture.info.scene is not None:
-        report["error_relative"] = _error(field, sums)
+        report["error_relative"] = relative_error(field, sums.spec, sums.coefficients)
     weights = _window(field, coefficients)
     coefficients *= weights[degree_of_index(settings.bands)][:, None].astype(np.float32)
     grid = Grid(
@@ -90,13 +93,3 @@ def _window(field: Field, coefficients: np.ndarray[Any, np.dtype[np.float32]]) -
     for cell in flat[:: max(1, len(flat) // WINDOW_CELLS)].astype(np.float64):
         strength = max(strength, weakest_strength(cell, settings.target, at_least=strength))
     return laplacian_window(strength, bands)
-
-
-def _error(field: Field, sums: FieldSums) -> float:
-    """Return the rms error relative to the rms coefficient vector, at cells all over the grid (MATHS §6)."""
-    assert field.capture.info.scene is not None
-    scene = scene_from_json(field.capture.info.scene)
-    chosen = np.linspace(0, sums.spec.cells - 1, min(sums.spec.cells, COMPARED_CELLS)).round().astype(np.intp)
-    exact = scene.coefficients(sums.spec.centres().reshape(-1, 3)[chosen], field.settings.bands)
-    found = sums.coefficients.reshape(-1, *sums.coefficients.shape[3:])[chosen]
-    return float(np.sqrt(((found - exact) ** 2).sum() / (exact**2).sum()))

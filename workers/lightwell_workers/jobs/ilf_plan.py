@@ -24,6 +24,8 @@ SAMPLE_SECONDS = 0.25e-6
 """Core time to splat one sample onto a plane."""
 CELL_SECONDS = 6e-9
 """Core time to read one cell of one direction and to add it to 25 coefficients."""
+ADAPT_SECONDS = 1e-5
+"""Core time to fit a cell with 25 coefficients into an adaptive grid."""
 FRAME_SECONDS = 2e-3
 MOST_BATCH = 512
 LEAST_PROBE_SPREAD_M = 0.01
@@ -117,10 +119,14 @@ def estimate(settings: IlfGridSettings) -> Estimate:
     grid_bytes = cells * coefficient_count(settings.bands) * 3 * 4
     many = 1 if settings.gradients == "none" else 4
     sorted_bytes = directions * capture.count * (6 if settings.sample_format == "half" else 12)
+    adaptive = settings.adaptive_tolerance is not None
+    if adaptive:
+        seconds += cells * ADAPT_SECONDS * coefficient_count(settings.bands) / 25
     return Estimate(
         seconds=seconds,
-        memory_bytes=3 * grid_bytes * many + settings.memory_mb * MEGABYTE,
-        disk_bytes=(0 if capture.sorted_samples else sorted_bytes) + 8 * grid_bytes * many,
+        # Bricks with nodes of their own take up to twice the grid; sums and the atlas as much again.
+        memory_bytes=(3 * many + 5 * adaptive) * grid_bytes + settings.memory_mb * MEGABYTE,
+        disk_bytes=(0 if capture.sorted_samples else sorted_bytes) + (8 * many + 3 * adaptive) * grid_bytes,
     )
 
 
