@@ -1,18 +1,21 @@
-"""Probes that are turned differently: each is sampled at common world directions (MATHS §3, rotating rig)."""
+"""Probes that are turned: all alike, or differently and sampled at common world directions (MATHS §3, rotating rig)."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.conventions import bands_of_count
 from lightwell.field.buckets import Buckets, sphere_offsets
 from lightwell.field.spec import Floats
 from lightwell.probe.mapping import Mapping
 from lightwell.probe.mirror_sphere import MirrorSphere
 from lightwell.probe.reduced import ReducedMapping
 from lightwell.sh.basis import evaluate
+from lightwell.sh.rotation import rotation_matrix
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
@@ -26,6 +29,17 @@ def gathered_buckets(count: int, bands: int) -> Buckets:
     weights = np.full(count, 4 * math.pi / count)
     rows = evaluate(directions, bands) * weights[:, None]
     return Buckets(directions, rows, weights, np.zeros((count, 3)), np.empty(0, np.int64))
+
+
+def turn_buckets(buckets: Buckets, turn: Floats) -> Buckets:
+    """Return the buckets of a probe that stands turned by ``turn`` ``(3, 3)``, which takes its axes to the world's."""
+    bands = bands_of_count(buckets.rows.shape[1])
+    return replace(
+        buckets,
+        directions=buckets.directions @ turn.T,
+        rows=buckets.rows @ rotation_matrix(turn, bands).T,
+        offsets=buckets.offsets @ turn.T,
+    )
 
 
 def gather(frame: NDArray[np.float32], mapping: Mapping, directions: Floats, turn: Floats) -> NDArray[np.float32]:

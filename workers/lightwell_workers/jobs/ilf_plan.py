@@ -11,12 +11,13 @@ import numpy as np
 
 from lightwell.conventions import coefficient_count
 from lightwell.field.buckets import Buckets, make_buckets
-from lightwell.field.gather import gathered_buckets
+from lightwell.field.gather import gathered_buckets, turn_buckets
 from lightwell.field.spec import GridSpec
 from lightwell.io.captures import Capture, open_capture
 from lightwell.job_settings import IlfGridSettings
 from lightwell.probe.downsample import Downsampler
 from lightwell.probe.mapping import Mapping
+from lightwell.synthetic.rig import rotation_of
 from lightwell_workers.jobs.kind import Estimate, JobError
 
 MEGABYTE = 1 << 20
@@ -65,11 +66,16 @@ class Field:
         self.rotating = self.capture.rotating
         self.sphere_radius_m = self.capture.info.mapping.sphere_radius_m if settings.viewpoint == "correct" else None
         self.buckets: Buckets = (
-            gathered_buckets(settings.directions, settings.bands)
-            if self.rotating
-            else make_buckets(self.mapping, settings.bands, settings.weights, settings.blind, self.sphere_radius_m)
+            gathered_buckets(settings.directions, settings.bands) if self.rotating else self._fixed_buckets()
         )
         self.specs = grid_specs(settings, self.capture)
+
+    def _fixed_buckets(self) -> Buckets:
+        settings = self.settings
+        buckets = make_buckets(self.mapping, settings.bands, settings.weights, settings.blind, self.sphere_radius_m)
+        turn = rotation_of(self.capture.poses.orientations[0])
+        # Exactly as they were where the rig was never turned: results of such captures keep their bytes.
+        return buckets if np.allclose(turn, np.eye(3), rtol=0, atol=1e-12) else turn_buckets(buckets, turn)
 
     @property
     def directions(self) -> int:
