@@ -53,7 +53,7 @@ class Capture:
 
     @cached_property
     def rotating(self) -> bool:
-        """Whether the probes are turned differently."""
+        """Whether the probes are turned differently; where all are turned alike, each pixel keeps its direction."""
         first = self.poses.orientations[:1]
         return bool((np.abs(self.poses.orientations @ first.T) < 1 - 1e-9).any())
 
@@ -118,14 +118,18 @@ def open_capture(directory: Path) -> Capture:
     return capture
 
 
+def list_frames(folder: Path) -> list[Path]:
+    """Return the EXR files of a folder by name; hidden ones, such as those that macOS adds, are none."""
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() == ".exr" and not path.name.startswith("."))
+
+
 def _check_frames(directory: Path, poses: Poses) -> None:
     folders = sorted({Path(frame).parent for frame in poses.frames})
     present = {
         str(folder / path.name)
         for folder in folders
         if (directory / folder).is_dir()
-        for path in (directory / folder).iterdir()
-        if path.suffix.lower() == ".exr"
+        for path in list_frames(directory / folder)
     }
     known = {str(Path(frame)) for frame in poses.frames}
     absent, unposed = sorted(known - present), sorted(present - known)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from lightwell.conventions import Units
 from lightwell.errors import FrameError, MappingError
-from lightwell.io.captures import DOCUMENT, POSES, CaptureInfo
+from lightwell.io.captures import DOCUMENT, POSES, CaptureInfo, list_frames
 from lightwell.io.exr import ExrPicture, read_rgb
 from lightwell.io.poses import CaptureError, Poses, read_poses, read_tum, write_poses
 from lightwell.probe.factory import make_mapping
@@ -24,6 +27,7 @@ class ImportSettings:
 
     mapping: MappingSettings
     gain: float = 1.0
+    units: Units = "relative"
     name: str = ""
     tum: bool = False
     fps: float | None = None
@@ -47,7 +51,7 @@ def import_capture(
     """
     if out.exists():
         raise CaptureError(f"{out}: exists; give another folder with --out")
-    paths = sorted(path for path in frames.iterdir() if path.suffix.lower() == ".exr") if frames.is_dir() else []
+    paths = list_frames(frames) if frames.is_dir() else []
     if not paths:
         raise CaptureError(f"{frames}: holds no EXR frames")
     by_name = {path.name: path for path in paths}
@@ -58,9 +62,16 @@ def import_capture(
         make_mapping(settings.mapping, height, width)
     except MappingError as error:
         raise CaptureError(f"{paths[0].name}: {error}") from None
+    if not (math.isfinite(settings.gain) and settings.gain > 0):
+        raise CaptureError(f"--gain {settings.gain:g}: must be a positive number")
     chosen = _match(paths, poses, settings, pictures) if settings.tum else _named(by_name, poses)
     info = CaptureInfo(
-        name=settings.name or frames.name, mapping=settings.mapping, height=height, width=width, gain=settings.gain
+        name=settings.name or frames.resolve().name,
+        mapping=settings.mapping,
+        height=height,
+        width=width,
+        gain=settings.gain,
+        units=settings.units,
     )
     partial = out.with_name(f".{out.name}.{os.getpid()}.partial")
     try:
@@ -115,6 +126,9 @@ def _bring(source: Path, place: Path, *, copy: bool) -> None:
 def _named(by_name: dict[str, Path], path: Path) -> Poses:
     poses = read_poses(path)
     names = [Path(frame).name for frame in poses.frames]
+    if len(set(names)) < len(names):
+        twice = Counter(names).most_common(1)[0][0]
+        raise CaptureError(f"{path}: several rows name the frame {twice!r}; a folder holds one of that name")
     missing = [name for name in names if name not in by_name]
     if missing:
         raise CaptureError(

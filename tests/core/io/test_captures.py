@@ -161,3 +161,79 @@ def test_import_with_a_tum_trajectory(tmp_path: Path) -> None:
     trajectory.write_text("1000 0 0\n")
     with pytest.raises(CaptureError, match="line 1: has 3 values, not 8"):
         read_tum(trajectory)
+
+
+HEADER = "frame,time_ns,x_m,y_m,z_m,qx,qy,qz,qw"
+ROWS = ["a.exr,1,0.1,0.2,0.3,0,0,0,1", "b.exr,2,0.4,0.5,0.6,0,0,0,1"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\r\n".join([HEADER, *ROWS]) + "\r\n",
+        "\ufeff" + "\n".join([HEADER, *ROWS]),
+        "\n".join(["# by a tracker", HEADER.upper(), ROWS[0], "", "# half way", ROWS[1]]),
+        "\n".join(line.replace(",", ", ") for line in (HEADER, *ROWS)),
+    ],
+    ids=["crlf", "byte-order mark", "comments and capitals", "spaces"],
+)
+def test_spreadsheets_of_all_kinds_are_read(tmp_path: Path, text: str) -> None:
+    (tmp_path / "poses.csv").write_bytes(text.encode())
+    poses = read_poses(tmp_path / "poses.csv")
+    assert poses.frames == ("a.exr", "b.exr")
+    np.testing.assert_allclose(poses.positions, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    assert poses.times_ns.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("c.exr,3,0,0", "line 3: has 4 values, the header 9"),
+        ("c.exr,3,0,0,0,0,0,0,1,7", "line 3: has 10 values, the header 9"),
+        (f"c.exr,{10**20},0,0,0,0,0,0,1", "line 3: time_ns = 1000.*are these nanoseconds"),
+        ("c.exr,3,2e6,0,0,0,0,0,1", r"line 3: x_m = 2e6 must be a finite number, at most 1e\+06"),
+    ],
+)
+def test_odd_rows_are_named(tmp_path: Path, row: str, words: str) -> None:
+    (tmp_path / "poses.csv").write_text("\n".join([HEADER, ROWS[0], row]))
+    with pytest.raises(CaptureError, match=words):
+        read_poses(tmp_path / "poses.csv")
+
+
+def test_trajectories_of_all_kinds_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "track.txt"
+    path.write_text(
+        "\ufeff# timestamp tx ty tz qx qy qz qw\r\n"
+        "1.767323040123456789e9 1 2 3 0 0 0 1  # the first\r\n"
+        "-1.5,4,5,6,0,0,0,1\r\n"
+        "-1.5 4 5 6 0 0 0 1\r\n",
+        "utf-8",
+    )
+    times, positions, _ = read_tum(path)
+    assert times.tolist() == [1767323040123456789, -1500000000]
+    np.testing.assert_allclose(positions, [[1, 2, 3], [4, 5, 6]])
+    path.write_text("1 0 0 0 0 0 0 1\n1.0 9 0 0 0 0 0 1\n")
+    with pytest.raises(CaptureError, match=r"line 2: timestamp 1.0 has another pose in line 1"):
+        read_tum(path)
+    path.write_text("inf 0 0 0 0 0 0 1\n")
+    with pytest.raises(CaptureError, match=r"line 1: timestamp = 'inf'"):
+        read_tum(path)
+
+
+def test_hidden_frames_are_passed_over_and_doubles_are_named(tmp_path: Path) -> None:
+    frames = tmp_path / "Lichtproben Süd"
+    frames.mkdir()
+    for name in ("a.exr", "b.exr"):
+        write_rgb(frames / name, np.ones((8, 16, 3), np.float16))
+    (frames / "._a.exr").write_bytes(b"macOS")
+    poses = tmp_path / "poses.csv"
+    poses.write_text("\n".join([HEADER, *ROWS]))
+    settings = ImportSettings(MappingSettings(kind="latlong"))
+    assert import_capture(frames, poses, tmp_path / "out", settings) == 2
+    (tmp_path / "out/frames/._a.exr").write_bytes(b"macOS")
+    assert open_capture(tmp_path / "out").info.name == "Lichtproben Süd"
+    poses.write_text("\n".join([HEADER, f"one/{ROWS[0]}", f"two/{ROWS[0]}", ROWS[1]]))
+    with pytest.raises(CaptureError, match=r"several rows name the frame 'a\.exr'"):
+        import_capture(frames, poses, tmp_path / "twice", settings)
+    with pytest.raises(CaptureError, match="--gain -1: must be a positive number"):
+        import_capture(frames, poses, tmp_path / "dark", ImportSettings(MappingSettings(kind="latlong"), gain=-1))
