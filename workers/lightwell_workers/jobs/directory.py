@@ -76,6 +76,11 @@ class JobDirectory:
     def publish(self, results: Path) -> None:
         """Make the folder ``results`` the job's artefacts, and forget the checkpoints; may be done again."""
         if results.is_dir():
+            for unfinished in results.glob(".*.partial"):  # of a step that was killed while it wrote
+                if unfinished.is_dir():
+                    shutil.rmtree(unfinished)
+                else:
+                    unfinished.unlink()
             shutil.rmtree(self.artifacts, ignore_errors=True)
             results.rename(self.artifacts)
         artifacts = [_describe(self.id, path) for path in sorted(self.artifacts.iterdir())]
