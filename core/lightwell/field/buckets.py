@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.field.plane import AXES, layer_axes
 from lightwell.probe.mapping import Mapping
 from lightwell.probe.matrix import footprint_matrix, unseen_moments
 from lightwell.probe.mirror_sphere import MirrorSphere
@@ -53,10 +54,8 @@ def make_buckets(
     centre times the constant 4π/N. With ``blind`` = ``fill``, what no pixel sees has the mean radiance of the rim.
     ``sphere_radius_m`` scales the offsets of a mirror sphere; None leaves them out (a single viewpoint).
     """
-    pixels = np.flatnonzero(mapping.solid_angles().reshape(-1) > 0)
+    pixels, directions = bucket_directions(mapping)
     row, column = np.divmod(pixels, mapping.width)
-    x, y = column + 0.5, row + 0.5
-    directions = mapping.directions(*mapping.nearest_covered(x, y))[0]
     if weights == "paper":
         rows = evaluate(directions, bands) * (4 * math.pi / pixels.size)
         if blind == "fill":
@@ -76,6 +75,25 @@ def make_buckets(
     if sphere_radius_m is not None:
         offsets = sphere_radius_m * unit_offsets(mapping, directions)
     return Buckets(directions, rows, solid_angles, offsets, pixels)
+
+
+def bucket_directions(mapping: Mapping) -> tuple[NDArray[np.int64], Floats]:
+    """Return the flat indices ``(Q,)`` of the pixels that are read, and their directions ``(Q, 3)``."""
+    pixels = np.flatnonzero(mapping.solid_angles().reshape(-1) > 0)
+    row, column = np.divmod(pixels, mapping.width)
+    return pixels, mapping.directions(*mapping.nearest_covered(column + 0.5, row + 0.5))[0]
+
+
+def angular_order(directions: Floats) -> NDArray[np.int64]:
+    """Return an order of directions ``(Q, 3)``, such that those that are resampled together lie together.
+
+    Directions of one layer axis follow each other by their slope along v (`lightwell.field.plane`).
+    """
+    axis = layer_axes(directions)
+    v_axis = np.array([v for _, v in AXES])[axis]
+    rows = np.arange(len(directions))
+    slope = directions[rows, v_axis] / directions[rows, axis]
+    return np.lexsort([slope, axis]).astype(np.int64)
 
 
 def unit_offsets(mapping: Mapping, directions: Floats) -> Floats:

@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lightwell.field.node import add_weighted
 from lightwell.field.spec import Floats
 
 Singles = NDArray[np.float32]
@@ -29,11 +30,20 @@ Singles = NDArray[np.float32]
 SPACING = 0.5
 """Distance between lattice nodes, cells."""
 
-TABLE = 4096
-"""Entries of the kernel's table."""
+COLOURS = 3
+"""Red, green and blue."""
 
 CHANNELS = 4
-"""Red, green, blue and the kernel weight that a node gathered."""
+"""Colours and the kernel weight that a node gathered."""
+
+VECTOR = 16
+"""Footprints are padded to this many nodes."""
+
+FAR = np.float32(1e6)
+"""Offset of padding, nodes: beyond any kernel."""
+
+ONE, HALF, SIXTH = np.float32(1), np.float32(1 / 2), np.float32(1 / 6)
+P4, P5, P6 = np.float32(1 / 24), np.float32(1 / 120), np.float32(1 / 720)
 
 AXES = ((1, 2), (0, 2), (0, 1))
 """In-plane axes (u, v) of the layer axes w = x, y, z: u is the one of the two that runs faster in memory."""
@@ -55,6 +65,11 @@ class Plane:
     """Lattice nodes along V and U; those along U are even in number."""
     middle: float
     """W/2."""
+
+    @property
+    def size(self) -> int:
+        """Values of the lattice, all channels."""
+        return CHANNELS * self.nodes[0] * self.nodes[1]
 
     def project(self, points: Floats) -> tuple[Floats, Floats]:
         """Return U and V ``(…)`` of points ``(…, 3)`` in cell units."""
@@ -86,100 +101,156 @@ def make_plane(direction: Floats, resolution: tuple[int, int, int]) -> Plane:
     return Plane(axis, slope, (1 - u * u, -u * v, 1 - v * v), origin, (count_v, count_u + count_u % 2), middle)
 
 
-def gaussian_table(support: float, sigma: float) -> Singles:
-    """Return ``exp(−d²/2σ²)`` at equal steps of d² from 0 to the squared radius, ``(TABLE + 2,)`` float32.
+@njit(cache=True, nogil=True)
+def footprint(metric, radius):  # type: ignore[no-untyped-def]
+    """Return the offsets (U, V) ``(n,)`` float32, in nodes, of all nodes that a sample may reach from its nearest node.
 
-    Read linearly, it is exact to 1e-7 where the radius is 3σ.
+    Their number is padded to whole vectors with nodes that are out of reach.
     """
-    squared = np.arange(TABLE + 2) / TABLE * (support / 2) ** 2
-    return np.exp(-squared / (2 * sigma * sigma)).astype(np.float32)
+    a, b, c = metric
+    cross = a * c - b * b
+    nearest = 0.5 * SPACING * math.sqrt(a + c + 2 * abs(b))  # how far a sample may lie from its nearest node
+    reach_u = math.ceil((radius + nearest) * math.sqrt(c / cross) / SPACING)
+    reach_v = math.ceil((radius + nearest) * math.sqrt(a / cross) / SPACING)
+    most = (2 * reach_u + 1) * (2 * reach_v + 1)
+    u = np.full((most + VECTOR - 1) // VECTOR * VECTOR, FAR, np.float32)
+    v = np.zeros(u.size, np.float32)
+    count = 0
+    for j in range(-reach_v, reach_v + 1):
+        for i in range(-reach_u, reach_u + 1):
+            if SPACING * math.sqrt(a * i * i + 2 * b * i * j + c * j * j) <= radius + nearest:
+                u[count] = i
+                v[count] = j
+                count += 1
+    size = (count + VECTOR - 1) // VECTOR * VECTOR
+    return u[:size], v[:size], count
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
-def splat(u, v, radiance, metric, origin, radius, table, out):  # type: ignore[no-untyped-def]
+def splat(  # type: ignore[no-untyped-def]
+    points, radiance, order, axes, slope, middle, metric, origin, radius, sigma, out
+):
     """Add samples to a lattice ``out`` ``(V, U, 4)`` float32: ``Σ w L`` in three channels and ``Σ w`` in the fourth.
 
-    ``u``, ``v`` ``(P,)`` float64 are the samples' plane coordinates, ``radiance`` ``(P, 3)`` float32 with NaN for no
-    sample, ``table`` is a `gaussian_table` of the kernel.
+    ``points`` ``(P, 3)`` float64 are the samples' places in cells; sample p has the ``radiance`` ``(P, 3)`` float32 of
+    row ``order[p]``, NaN for none. ``axes`` are the plane's (u, v, w). Returns the number of samples that reached the
+    lattice.
+
+    The weights of a sample at all nodes of its footprint are computed as vectors: ``exp(−x) = (exp(−x/2ⁿ))^2ⁿ`` with
+    a polynomial for the inner one, exact to 2e-6.
     """
-    a, b, c = metric[0], metric[1], metric[2]
-    across = c - b * b / a
-    half_height = radius / math.sqrt(across)
-    step = np.float32(SPACING)
-    to_table = np.float32((table.shape[0] - 2) / (radius * radius))
-    for p in range(u.shape[0]):
-        red, green, blue = radiance[p, 0], radiance[p, 1], radiance[p, 2]
+    height, width = out.shape[0], out.shape[1]
+    flat = out.reshape(-1)
+    far_u, far_v, count = footprint(metric, radius)
+    reach_u, reach_v = 0, 0
+    steps = np.empty(count, np.int64)
+    for i in range(count):
+        reach_u, reach_v = max(reach_u, int(far_u[i])), max(reach_v, int(far_v[i]))
+        steps[i] = CHANNELS * (int(far_v[i]) * width + int(far_u[i]))
+    scale = SPACING * SPACING / (2 * sigma * sigma)
+    a, b, c = np.float32(metric[0] * scale), np.float32(2 * metric[1] * scale), np.float32(metric[2] * scale)
+    edge = np.float32(radius * radius / (2 * sigma * sigma))
+    halvings = max(4, math.ceil(math.log2(edge / 0.3)))
+    inner = np.float32(-(0.5**halvings))
+    weights = np.empty(far_u.size, np.float32)
+    reached = 0
+    for p in range(points.shape[0]):
+        red, green, blue = radiance[order[p], 0], radiance[order[p], 1], radiance[order[p], 2]
         if not (math.isfinite(red) and math.isfinite(green) and math.isfinite(blue)):
             continue
-        first = max(0, math.ceil((v[p] - half_height - origin[1]) / SPACING))
-        last = min(out.shape[0] - 1, math.floor((v[p] + half_height - origin[1]) / SPACING))
-        for row in range(first, last + 1):
-            dv = origin[1] + row * SPACING - v[p]
-            beyond = dv * dv * across
-            squared = (radius * radius - beyond) / a
-            if squared < 0.0:
-                continue
-            half_width = math.sqrt(squared)
-            centre = u[p] - b * dv / a - origin[0]
-            left = max(0, math.ceil((centre - half_width) / SPACING))
-            right = min(out.shape[1] - 1, math.floor((centre + half_width) / SPACING))
-            du = np.float32(left * SPACING - centre)
-            scale, start = to_table * np.float32(a), to_table * np.float32(beyond)
-            for node in range(left, right + 1):
-                place = start + scale * du * du
-                entry = np.int32(place)
-                w = table[entry] + (place - np.float32(entry)) * (table[entry + 1] - table[entry])
-                out[row, node, 0] += w * red
-                out[row, node, 1] += w * green
-                out[row, node, 2] += w * blue
-                out[row, node, 3] += w
-                du += step
+        along = points[p, axes[2]] - middle
+        u = (points[p, axes[0]] - slope[0] * along - origin[0]) / SPACING
+        v = (points[p, axes[1]] - slope[1] * along - origin[1]) / SPACING
+        node_u, node_v = math.floor(u + 0.5), math.floor(v + 0.5)
+        if not (-reach_u <= node_u < width + reach_u and -reach_v <= node_v < height + reach_v):
+            continue
+        reached += 1
+        rest_u, rest_v = np.float32(u - node_u), np.float32(v - node_v)
+        for i in range(weights.size):
+            du, dv = far_u[i] - rest_u, far_v[i] - rest_v
+            x = a * du * du + b * du * dv + c * dv * dv
+            y = x * inner
+            w = ONE + y * (ONE + y * (HALF + y * (SIXTH + y * (P4 + y * (P5 + y * P6)))))
+            w *= w
+            w *= w
+            w *= w
+            w *= w
+            weights[i] = w if x <= edge else np.float32(0)
+        for _ in range(4, halvings):
+            for i in range(weights.size):
+                weights[i] *= weights[i]
+        if reach_u <= node_u < width - reach_u and reach_v <= node_v < height - reach_v:
+            start = CHANNELS * (node_v * width + node_u)
+            for i in range(count):
+                add_weighted(flat, start + steps[i], weights[i], red, green, blue)
+        else:
+            for i in range(count):
+                row, node = node_v + int(far_v[i]), node_u + int(far_u[i])
+                if 0 <= row < height and 0 <= node < width:
+                    add_weighted(flat, CHANNELS * (row * width + node), weights[i], red, green, blue)
+    return reached
 
 
 @njit(cache=True, nogil=True)
-def normalise(lattice, origin, slope, spans, reach):  # type: ignore[no-untyped-def]
-    """Divide the sums of a lattice ``(V, U, 4)`` by their weight, in place.
+def read_ranges(nodes, origin, slope, spans, reach):  # type: ignore[no-untyped-def]
+    """Return the nodes ``[0, row] … [1, row] − 1`` of each row that some cell of some layer reads, ``(2, V)`` int64.
 
-    ``spans`` are the numbers of cells along u and v, ``reach`` is (W − 1)/2. Returns how many nodes have weight, and
-    how many have none although some cell of some layer reads them: the rest of the lattice is of no consequence.
+    A layer at the height t, ``|t| ≤ reach``, reads the nodes at (U, V) + s t from half a cell (and one node) inside the
+    grid. ``spans`` are the numbers of cells along u and v, ``reach`` is (W − 1)/2.
     """
-    found, missing = 0, 0
-    for row in range(lattice.shape[0]):
+    ranges = np.zeros((2, nodes[0]), np.int64)
+    for row in range(nodes[0]):
+        low, high = -reach, reach
         v = origin[1] + row * SPACING
-        for node in range(lattice.shape[1]):
-            weight = lattice[row, node, 3]
-            if weight > 0:
-                found += 1
-                inverse = np.float32(1) / weight
-                lattice[row, node, 0] *= inverse
-                lattice[row, node, 1] *= inverse
-                lattice[row, node, 2] *= inverse
+        first, last = 0.5 - SPACING - v, spans[1] - 0.5 + SPACING - v
+        if abs(slope[1]) * reach < 1e-9:
+            if first > 0 or last < 0:
                 continue
-            # A layer at the height t reads U + s t from half a cell (and one node) inside the grid.
-            low, high = -reach, reach
-            u = origin[0] + node * SPACING
-            for position, s, count in ((u, slope[0], spans[0]), (v, slope[1], spans[1])):
-                first, last = 0.5 - SPACING - position, count - 0.5 + SPACING - position
-                if abs(s) * reach < 1e-9:
-                    if first > 0 or last < 0:
-                        low = np.inf
-                elif s > 0:
-                    low, high = max(low, first / s), min(high, last / s)
-                else:
-                    low, high = max(low, last / s), min(high, first / s)
-            if low <= high:
-                missing += 1
-    return found, missing
+        elif slope[1] > 0:
+            low, high = max(low, first / slope[1]), min(high, last / slope[1])
+        else:
+            low, high = max(low, last / slope[1]), min(high, first / slope[1])
+        if low > high:
+            continue
+        at_low, at_high = slope[0] * low, slope[0] * high
+        left = 0.5 - SPACING - max(at_low, at_high) - origin[0]
+        right = spans[0] - 0.5 + SPACING - min(at_low, at_high) - origin[0]
+        ranges[0, row] = max(0, math.ceil(left / SPACING))
+        ranges[1, row] = min(nodes[1], math.floor(right / SPACING) + 1)
+    return ranges
 
 
 @njit(cache=True, nogil=True)
-def split(lattice, out):  # type: ignore[no-untyped-def]
-    """Copy a lattice ``(V, U, C)`` to planes ``out`` ``(C, V, 2, U/2)``: even nodes apart from odd ones.
+def normalise(lattice, ranges):  # type: ignore[no-untyped-def]
+    """Divide the sums of a lattice ``(V, U, 4)`` by their weight, in place; return how many in range have none."""
+    missing = 0
+    for row in range(lattice.shape[0]):
+        nodes = lattice[row]
+        for node in range(nodes.shape[0]):
+            weight = nodes[node, 3]
+            if weight > 0:
+                inverse = np.float32(1) / weight
+                nodes[node, 0] *= inverse
+                nodes[node, 1] *= inverse
+                nodes[node, 2] *= inverse
+        for node in range(ranges[0, row], ranges[1, row]):
+            missing += nodes[node, 3] <= 0
+    return missing
+
+
+@njit(cache=True, nogil=True)
+def split(lattice, colours, weights):  # type: ignore[no-untyped-def]
+    """Copy a lattice ``(V, U, 4)`` to ``colours`` ``(V, 2, U/2, 3)`` and ``weights`` ``(V, 2, U/2)``: even nodes first.
 
     A layer reads every second node, so that neighbours in the grid become neighbours in memory.
     """
     for row in range(lattice.shape[0]):
-        for pair in range(lattice.shape[1] // 2):
-            for channel in range(lattice.shape[2]):
-                out[channel, row, 0, pair] = lattice[row, 2 * pair, channel]
-                out[channel, row, 1, pair] = lattice[row, 2 * pair + 1, channel]
+        nodes = lattice[row]
+        for odd in range(2):
+            some_colours, some_weights = colours[row, odd], weights[row, odd]
+            for pair in range(some_weights.size):
+                node = 2 * pair + odd
+                some_colours[pair, 0] = nodes[node, 0]
+                some_colours[pair, 1] = nodes[node, 1]
+                some_colours[pair, 2] = nodes[node, 2]
+                some_weights[pair] = nodes[node, 3]

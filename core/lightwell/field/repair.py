@@ -20,67 +20,86 @@ from numpy.typing import NDArray
 
 Singles = NDArray[np.float32]
 
+ZERO, ONE = np.float32(0), np.float32(1)
+
 
 @njit(cache=True, nogil=True)
-def _pull(values, weights, coarse, coarse_weights):  # type: ignore[no-untyped-def]
-    channels = values.shape[2]
+def _pull(fine, coarse):  # type: ignore[no-untyped-def]
+    """Return whether every place of the coarse level has weight."""
+    height, width = fine.shape[0], fine.shape[1]
+    whole = True
     for row in range(coarse.shape[0]):
         for column in range(coarse.shape[1]):
-            total = np.float32(0)
-            for channel in range(channels):
-                coarse[row, column, channel] = 0
-            for dy in range(2):
-                for dx in range(2):
-                    y, x = 2 * row + dy, 2 * column + dx
-                    if y < values.shape[0] and x < values.shape[1] and weights[y, x] > 0:
-                        weight = min(weights[y, x], np.float32(1))
-                        total += weight
-                        for channel in range(channels):
-                            coarse[row, column, channel] += weight * values[y, x, channel]
-            coarse_weights[row, column] = total
-            if total > 0:
-                for channel in range(channels):
-                    coarse[row, column, channel] /= total
+            total, red, green, blue = ZERO, ZERO, ZERO, ZERO
+            for y in range(2 * row, min(2 * row + 2, height)):
+                for x in range(2 * column, min(2 * column + 2, width)):
+                    weight = min(fine[y, x, 3], ONE)
+                    total += weight
+                    red += weight * fine[y, x, 0]
+                    green += weight * fine[y, x, 1]
+                    blue += weight * fine[y, x, 2]
+            place = coarse[row, column]
+            place[3] = total
+            inverse = ONE / total if total > 0 else ZERO
+            place[0], place[1], place[2] = red * inverse, green * inverse, blue * inverse
+            if total <= 0:
+                whole = False
+    return whole
 
 
 @njit(cache=True, nogil=True)
-def _push(values, weights, coarse):  # type: ignore[no-untyped-def]
-    channels = values.shape[2]
-    for y in range(values.shape[0]):
+def _push(fine, coarse, firsts, lasts):  # type: ignore[no-untyped-def]
+    """Fill the places ``firsts[y] … lasts[y] − 1`` of each row that have no weight."""
+    for y in range(fine.shape[0]):
         near_y = y // 2
         far_y = min(max(near_y + (1 if y % 2 == 1 else -1), 0), coarse.shape[0] - 1)
-        for x in range(values.shape[1]):
-            if weights[y, x] > 0:
+        for x in range(firsts[y], lasts[y]):
+            if fine[y, x, 3] > 0:
                 continue
             near_x = x // 2
             far_x = min(max(near_x + (1 if x % 2 == 1 else -1), 0), coarse.shape[1] - 1)
-            for channel in range(channels):
-                values[y, x, channel] = np.float32(0.0625) * (
+            for channel in range(3):
+                fine[y, x, channel] = np.float32(0.0625) * (
                     9 * coarse[near_y, near_x, channel]
                     + 3 * (coarse[near_y, far_x, channel] + coarse[far_y, near_x, channel])
                     + coarse[far_y, far_x, channel]
                 )
 
 
-def pull_push(values: Singles, weights: Singles) -> bool:
-    """Fill the places of ``values`` ``(H, W, C)`` float32 where ``weights`` ``(H, W)`` float32 is 0, in place.
+@njit(cache=True, nogil=True)
+def _pull_push(lattice, firsts, lasts):  # type: ignore[no-untyped-def]
+    levels = [lattice]
+    whole = False
+    while not whole and max(levels[-1].shape[0], levels[-1].shape[1]) > 1:
+        coarse = np.empty(((levels[-1].shape[0] + 1) // 2, (levels[-1].shape[1] + 1) // 2, 4), np.float32)
+        whole = _pull(levels[-1], coarse)
+        levels.append(coarse)
+    top = levels[-1]
+    known = False
+    for y in range(top.shape[0]):
+        for x in range(top.shape[1]):
+            known = known or top[y, x, 3] > 0
+    if known:
+        for level in range(len(levels) - 2, -1, -1):
+            fine = levels[level]
+            if level > 0:
+                firsts_here, lasts_here = np.zeros(fine.shape[0], np.int64), np.full(fine.shape[0], fine.shape[1])
+            else:
+                firsts_here, lasts_here = firsts, lasts
+            _push(fine, levels[level + 1], firsts_here, lasts_here)
+    return known
 
-    Places with weight keep their value. Returns False, and changes nothing, where no place has weight.
+
+def pull_push(lattice: Singles, ranges: NDArray[np.int64] | None = None) -> bool:
+    """Fill the places of a lattice ``(H, W, 4)`` float32 whose weight, the fourth channel, is 0: in place.
+
+    Places with weight keep their value. With ``ranges`` ``(2, H)``, only the places ``ranges[0, y] … ranges[1, y] − 1``
+    of a row are filled. Returns False, and changes nothing, where no place has weight.
     """
-    levels = [(values, weights)]
-    while max(levels[-1][1].shape) > 1:
-        height, width = ((size + 1) // 2 for size in levels[-1][1].shape)
-        coarse = np.empty((height, width, values.shape[2]), np.float32)
-        coarse_weights = np.empty((height, width), np.float32)
-        _pull(*levels[-1], coarse, coarse_weights)
-        levels.append((coarse, coarse_weights))
-        if (coarse_weights > 0).all():
-            break
-    if not (levels[-1][1] > 0).any():
-        return False
-    for fine, coarse_level in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        _push(*fine, coarse_level[0])
-    return True
+    height, width = lattice.shape[:2]
+    if ranges is None:
+        ranges = np.stack([np.zeros(height, np.int64), np.full(height, width)])
+    return bool(_pull_push(lattice, ranges[0], ranges[1]))
 
 
 WINDOW = 6
@@ -92,42 +111,44 @@ RANGE_SIGMA = 0.25
 
 
 @njit(cache=True, nogil=True)
-def _filter(values, weights, deviation):  # type: ignore[no-untyped-def]
-    height, width, channels = values.shape
+def _filter(lattice, firsts, lasts, deviation):  # type: ignore[no-untyped-def]
+    height, width = lattice.shape[0], lattice.shape[1]
     falloff = np.float32(0.5 / (RANGE_SIGMA * RANGE_SIGMA * deviation * deviation))
-    total = np.empty(channels, np.float32)
+    total = np.empty(3, np.float32)
     for y in range(height):
-        for x in range(width):
-            if weights[y, x] > 0:
+        for x in range(firsts[y], lasts[y]):
+            if lattice[y, x, 3] > 0:
                 continue
             total[:] = 0
             weight = np.float32(0)
             for row in range(max(0, y - WINDOW), min(height, y + WINDOW + 1)):
                 for column in range(max(0, x - WINDOW), min(width, x + WINDOW + 1)):
-                    if weights[row, column] <= 0:
+                    if lattice[row, column, 3] <= 0:
                         continue
                     apart = np.float32(0)
-                    for channel in range(channels):
-                        change = values[row, column, channel] - values[y, x, channel]
+                    for channel in range(3):
+                        change = lattice[row, column, channel] - lattice[y, x, channel]
                         apart += change * change
                     squared = np.float32((row - y) ** 2 + (column - x) ** 2)
                     w = np.exp(-squared / np.float32(2 * DISTANCE_SIGMA * DISTANCE_SIGMA) - falloff * apart)
                     weight += w
-                    for channel in range(channels):
-                        total[channel] += w * values[row, column, channel]
+                    for channel in range(3):
+                        total[channel] += w * lattice[row, column, channel]
             if weight > np.float32(1e-12):
-                for channel in range(channels):
-                    values[y, x, channel] = total[channel] / weight
+                for channel in range(3):
+                    lattice[y, x, channel] = total[channel] / weight
 
 
-def bilateral(values: Singles, weights: Singles) -> bool:
+def bilateral(lattice: Singles, ranges: NDArray[np.int64] | None = None) -> bool:
     """Fill as `pull_push` does, then move each filled place towards the samples near it that resemble it."""
-    if not pull_push(values, weights):
+    height, width = lattice.shape[:2]
+    if ranges is None:
+        ranges = np.stack([np.zeros(height, np.int64), np.full(height, width)])
+    if not pull_push(lattice, ranges):
         return False
-    known = weights > 0
-    deviation = float(values[known].std(axis=0).mean())
+    deviation = float(lattice[lattice[..., 3] > 0, :3].std(axis=0).mean())
     if deviation > 0:
-        _filter(values, weights, deviation)
+        _filter(lattice, ranges[0], ranges[1], deviation)
     return True
 
 

@@ -7,15 +7,25 @@ to its coefficients. Blocks of directions are added as one matrix product.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.field.layers import add_coverage, fill_tile
-from lightwell.field.plane import AXES, CHANNELS, Plane, gaussian_table, layer_axes, make_plane, normalise, splat, split
+from lightwell.field.layers import GROUP, Planes, add_coverage, add_planes, fill_volume
+from lightwell.field.plane import (
+    AXES,
+    CHANNELS,
+    COLOURS,
+    Plane,
+    make_plane,
+    normalise,
+    read_ranges,
+    splat,
+    split,
+)
 from lightwell.field.repair import bilateral, mipmap, pull_push
 from lightwell.field.spec import Floats, GridSpec
 from lightwell.field.sums import FieldSums, layered
@@ -23,12 +33,10 @@ from lightwell.job_settings import RepairKind
 
 Singles = NDArray[np.float32]
 
-BLOCK = 128
-"""Directions in one matrix product."""
-TILE_ROWS = 4
-"""Rows of a tile; neighbouring layers read nearly the same part of a plane, so that tiles are deep, not tall."""
-TILE_CELLS = 2048
-"""Cells that are filled and multiplied at a time, so that they stay in the processor's cache."""
+BLOCK = 256
+"""Directions that are added to all cells before the next: each block reads and writes all coefficients once."""
+BLOCK_VALUES = 1 << 25
+"""Values in the planes of a block; 4 bytes each."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,7 @@ class Resampler:
         # Samples that lie together in space lie together in every plane: the lattice stays in the cache.
         self._order = _space_order(centres)
         self._centres = centres[self._order]
-        self._tiles: dict[int, _Tiles] = {}
+        self._axes: dict[int, _AxisSums] = {}
 
     def add(
         self,
@@ -85,37 +93,33 @@ class Resampler:
         check
             Called now and then; may raise.
         """
-        spec, order = self._sums.spec, self._order
+        spec = self._sums.spec
         scaled = directions / spec.voxel
         scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
-        layer_axis = layer_axes(scaled)
-        for axis in range(3):
-            of_axis = np.flatnonzero(layer_axis == axis)
-            for first in range(0, of_axis.size, BLOCK):
-                check()
-                chosen = of_axis[first : first + BLOCK]
-                block = _Block(spec, scaled[chosen], self._kernel, self._workspace)
-                for k, q in enumerate(chosen):
-                    offset = offsets[q] if offsets.ndim == 2 else offsets[q, order]
-                    if not block.add(k, self._centres + offset / spec.voxel, radiance[q, order], self._repair):
-                        self._sums.dark += float(weights[q])
-                tiles = self._tiles_of(axis)
-                if self._repair in ("mipmap", "none"):
-                    tiles.add_volumes(block, rows[chosen], weights[chosen], self._repair)
-                else:
-                    tiles.add(block, rows[chosen], weights[chosen])
+        for block in _blocks(scaled, spec, self._workspace):
+            check()
+            chosen = block.chosen
+            for k, q in enumerate(chosen):
+                offset = offsets[q] if offsets.ndim == 2 else offsets[q, self._order]
+                points = self._centres + offset / spec.voxel
+                if not block.splat(k, points, radiance[q], self._order, self._kernel, self._repair):
+                    self._sums.dark += float(weights[q])
+            sums = self._sums_of(block.axis)
+            if self._repair in ("mipmap", "none"):
+                sums.add_volumes(block, rows[chosen], weights[chosen], self._repair)
+            else:
+                sums.add(block, rows[chosen], weights[chosen])
 
     def finish(self) -> None:
         """Add what was gathered to the sums."""
-        for tiles in self._tiles.values():
-            tiles.finish(self._sums)
-        self._tiles = {}
+        for sums in self._axes.values():
+            sums.finish(self._sums)
+        self._axes = {}
 
-    def _tiles_of(self, axis: int) -> _Tiles:
-        if axis not in self._tiles:
-            coefficients = self._sums.coefficients.shape[3]
-            self._tiles[axis] = _Tiles(self._sums.spec, axis, coefficients, self._workspace)
-        return self._tiles[axis]
+    def _sums_of(self, axis: int) -> _AxisSums:
+        if axis not in self._axes:
+            self._axes[axis] = _AxisSums(self._sums.spec, axis, self._sums.coefficients.shape[3])
+        return self._axes[axis]
 
 
 def accumulate(
@@ -158,116 +162,108 @@ class _Workspace:
         return self._arrays[name][:size]
 
 
+def _blocks(directions: Floats, spec: GridSpec, workspace: _Workspace) -> Iterator[_Block]:
+    """Yield the directions ``(K, 3)`` in blocks of one layer axis whose slopes along v are alike."""
+    planes = [make_plane(direction, spec.resolution) for direction in directions]
+    order = sorted(range(len(planes)), key=lambda q: (planes[q].axis, planes[q].slope[1], planes[q].slope[0]))
+    block: list[int] = []
+    size = 0
+    for q in order:
+        if block and (
+            len(block) == BLOCK or size + planes[q].size > BLOCK_VALUES or planes[q].axis != planes[block[0]].axis
+        ):
+            yield _Block(spec, block, [planes[k] for k in block], workspace)
+            block, size = [], 0
+        block.append(q)
+        size += planes[q].size
+    if block:
+        yield _Block(spec, block, [planes[k] for k in block], workspace)
+
+
 class _Block:
-    """The planes of up to `BLOCK` directions of one layer axis."""
+    """The planes of some directions."""
 
-    def __init__(self, spec: GridSpec, directions: Floats, kernel: Kernel, workspace: _Workspace) -> None:
-        self.planes: list[Plane] = [make_plane(direction, spec.resolution) for direction in directions]
-        sizes = [CHANNELS * plane.nodes[0] * plane.nodes[1] for plane in self.planes]
-        self.starts = np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(np.int64)
-        self.data = workspace.take("planes", sum(sizes))
-        self.nodes = np.array([plane.nodes for plane in self.planes], np.int64)
-        self.origins = np.array([plane.origin for plane in self.planes])
-        self.slopes = np.array([plane.slope for plane in self.planes])
-        self.middle = self.planes[0].middle
+    def __init__(self, spec: GridSpec, chosen: list[int], planes: list[Plane], workspace: _Workspace) -> None:
+        self.chosen = chosen
+        self.axis = planes[0].axis
+        sizes = [plane.size for plane in planes]
+        self.planes = Planes(
+            workspace.take("planes", sum(sizes)),
+            np.concatenate([[0], np.cumsum(sizes)])[:-1].astype(np.int64),
+            np.array([plane.nodes for plane in planes], np.int64),
+            np.array([plane.origin for plane in planes]),
+            np.array([plane.slope for plane in planes]),
+            planes[0].middle,
+        )
+        self._each = planes
         self._workspace = workspace
-        self._radius = kernel.support_cells / 2
-        self._table = gaussian_table(kernel.support_cells, kernel.sigma_cells)
-        u_axis, v_axis = AXES[self.planes[0].axis]
-        self._spans = np.array([spec.resolution[u_axis], spec.resolution[v_axis]], np.int64)
+        u_axis, v_axis = AXES[self.axis]
+        self._spans = (spec.resolution[u_axis], spec.resolution[v_axis])
 
-    def add(self, k: int, points: Floats, radiance: Singles, repair: RepairKind) -> bool:
-        """Make the k-th plane from samples at ``points`` ``(P, 3)`` in cells; return whether any reached it."""
-        plane = self.planes[k]
-        u, v = plane.project(points)
-        size = CHANNELS * plane.nodes[0] * plane.nodes[1]
-        lattice = self._workspace.take("lattice", size).reshape(*plane.nodes, CHANNELS)
+    def splat(
+        self, k: int, points: Floats, radiance: Singles, order: NDArray[np.intp], kernel: Kernel, repair: RepairKind
+    ) -> bool:
+        """Make the k-th plane from samples at ``points`` ``(P, 3)`` in cells; return whether any reached it.
+
+        The p-th point's sample is ``radiance[order[p]]``.
+        """
+        plane = self._each[k]
+        lattice = self._workspace.take("lattice", plane.size).reshape(*plane.nodes, CHANNELS)
         lattice.fill(0)
-        origin, slope = np.array(plane.origin), np.array(plane.slope)
-        splat(u, v, radiance, np.array(plane.metric), origin, self._radius, self._table, lattice)
-        found, missing = normalise(lattice, origin, slope, self._spans, plane.middle - 0.5)
-        if found and missing:
+        axes = (*AXES[plane.axis], plane.axis)
+        radius = kernel.support_cells / 2
+        geometry = (axes, plane.slope, plane.middle, plane.metric, plane.origin)
+        found = bool(splat(points, radiance, order, *geometry, radius, kernel.sigma_cells, lattice))
+        ranges = read_ranges(plane.nodes, plane.origin, plane.slope, self._spans, plane.middle - 0.5)
+        if found and normalise(lattice, ranges):
             # Also before a repair in three dimensions: cells at the edge of a hole read some nodes within it.
-            fill = bilateral if repair == "bilateral" else pull_push
-            fill(lattice[..., :3], np.ascontiguousarray(lattice[..., 3]))
-        start = int(self.starts[k])
-        split(lattice, self.data[start : start + size].reshape(CHANNELS, plane.nodes[0], 2, plane.nodes[1] // 2))
-        return bool(found)
+            found = bilateral(lattice, ranges) if repair == "bilateral" else pull_push(lattice, ranges)
+        start = int(self.planes.starts[k])
+        colours, weights = np.split(self.planes.data[start : start + plane.size], [plane.size // CHANNELS * COLOURS])
+        parts = (plane.nodes[0], 2, plane.nodes[1] // 2)
+        split(lattice, colours.reshape(*parts, COLOURS), weights.reshape(parts))
+        return found
 
 
-class _Tiles:
-    """Sums over directions of one layer axis, tile by tile."""
+class _AxisSums:
+    """Sums over the directions of one layer axis."""
 
-    def __init__(self, spec: GridSpec, axis: int, coefficients: int, workspace: _Workspace) -> None:
+    def __init__(self, spec: GridSpec, axis: int, coefficients: int) -> None:
         self.axis = axis
         shape = layered(np.empty(spec.shape, np.float32), axis).shape
-        layers, height, width = shape
-        tall = max(1, min(height, TILE_ROWS, TILE_CELLS // width))
-        deep = max(1, min(layers, TILE_CELLS // (width * tall)))
-        self.tiles = []
-        for layer in range(0, layers, deep):
-            for row in range(0, height, tall):
-                part = (min(deep, layers - layer), min(tall, height - row), width)
-                self.tiles.append(_Tile(layer, row, np.zeros((coefficients, 3, *part), np.float32)))
+        self.coefficients = np.zeros((*shape[:2], coefficients, shape[2] * COLOURS), np.float32)
+        """``(W, V, bands², U · 3)``."""
         self.coverage = np.zeros(shape, np.float32)
         self.samples = np.zeros(shape, np.float32)
-        self._workspace = workspace
 
     def add(self, block: _Block, rows: Floats, weights: Floats) -> None:
         """Add the directions of a block."""
-        geometry = (block.data, block.starts, block.nodes, block.origins, block.slopes, block.middle)
-        add_coverage(*geometry, weights, self.coverage, self.samples)
-        rows_t = np.ascontiguousarray(rows.T, np.float32)
-        for tile in self.tiles:
-            cells = tile.sums[0].size
-            shape = (len(block.planes), *tile.sums.shape[1:])
-            radiance = self._workspace.take("radiance", len(block.planes) * cells).reshape(shape)
-            fill_tile(*geometry, tile.layer, tile.row, radiance)
-            product = self._workspace.take("product", tile.sums.size).reshape(-1, cells)
-            np.matmul(rows_t, radiance.reshape(-1, cells), out=product)
-            sums = tile.sums.reshape(-1, cells)
-            sums += product
+        for k, weight in enumerate(weights):
+            add_coverage(block.planes, k, np.float32(weight), self.coverage, self.samples)
+        padded = np.zeros((rows.shape[1], math.ceil(len(rows) / GROUP) * GROUP), np.float32)
+        padded[:, : len(rows)] = rows.T
+        add_planes(block.planes, padded, self.coefficients)
 
     def add_volumes(self, block: _Block, rows: Floats, weights: Floats, repair: RepairKind) -> None:
         """Add the directions of a block one by one, each with its whole field: for repairs in three dimensions."""
+        volume = np.empty((*self.coverage.shape, COLOURS), np.float32)
+        runs = volume.reshape(*volume.shape[:2], -1)
         for k, row in enumerate(rows.astype(np.float32)):
-            volume, seen = self._volume(block, k, float(weights[k]))
+            fill_volume(block.planes, k, runs)
+            seen, gathered = np.zeros_like(self.coverage), np.zeros_like(self.coverage)
+            add_coverage(block.planes, k, np.float32(weights[k]), seen, gathered)
+            self.coverage += seen
+            self.samples += gathered
             if repair == "mipmap":
-                mipmap(volume, seen)
+                mipmap(volume, seen > 0)
             else:
-                volume[~seen] = 0
-            for tile in self.tiles:
-                depth, count = tile.sums.shape[2:4]
-                part = volume[tile.layer : tile.layer + depth, tile.row : tile.row + count]
-                np.add(tile.sums, row[:, None, None, None, None] * part.transpose(3, 0, 1, 2), out=tile.sums)
-
-    def _volume(self, block: _Block, k: int, weight: float) -> tuple[Singles, NDArray[np.bool_]]:
-        """Return the field of one direction ``(W, V, U, 3)``, and where it had samples ``(W, V, U)``."""
-        one = slice(k, k + 1)
-        geometry = (block.data, block.starts[one], block.nodes[one], block.origins[one], block.slopes[one])
-        field = np.empty((1, 3, *self.coverage.shape), np.float32)
-        fill_tile(*geometry, block.middle, 0, 0, field)
-        seen, gathered = np.zeros(self.coverage.shape, np.float32), np.zeros(self.coverage.shape, np.float32)
-        add_coverage(*geometry, block.middle, np.array([weight]), seen, gathered)
-        self.coverage += seen
-        self.samples += gathered
-        return np.ascontiguousarray(field[0].transpose(1, 2, 3, 0)), seen > 0
+                volume[seen == 0] = 0
+            self.coefficients += row[:, None] * runs[:, :, None]
 
     def finish(self, sums: FieldSums) -> None:
         """Add what was gathered to the sums of the whole grid."""
-        coefficients = layered(sums.coefficients, self.axis)
-        for tile in self.tiles:
-            depth, count = tile.sums.shape[2:4]
-            part = coefficients[tile.layer : tile.layer + depth, tile.row : tile.row + count]
-            part += tile.sums.transpose(2, 3, 4, 0, 1)
+        layers, height, count, width = self.coefficients.shape
+        gathered = self.coefficients.reshape(layers, height, count, width // COLOURS, COLOURS)
+        layered(sums.coefficients, self.axis)[...] += gathered.transpose(0, 1, 3, 2, 4)
         layered(sums.coverage, self.axis)[...] += self.coverage
         layered(sums.samples, self.axis)[...] += self.samples
-
-
-class _Tile(NamedTuple):
-    """Some rows of some layers."""
-
-    layer: int
-    row: int
-    sums: Singles
-    """``(bands², 3, layers, rows, U)``."""

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.field.buckets import angular_order, bucket_directions
 from lightwell.io.angular import AngularStore
 from lightwell.io.captures import DOCUMENT, POSES, SORTED, CaptureInfo
 from lightwell.io.exr import write_rgb
@@ -89,7 +90,8 @@ def simulate_capture(
         raise CaptureError("--sphere-radius-m must be positive and smaller than --sphere-distance-m")
     width = 2 * rig.size if rig.probe == "latlong" else rig.size
     info = CaptureInfo(name=scene.name, mapping=rig.mapping(), height=rig.size, width=width, scene=scene.to_json())
-    probe = VirtualProbe(make_mapping(info.mapping, rig.size, width), rig.sphere_radius_m, rig.samples)
+    mapping = make_mapping(info.mapping, rig.size, width)
+    probe = VirtualProbe(mapping, rig.sphere_radius_m, rig.samples)
     positions = place_probes(rig.layout, rig.probes, scene.bounds, rig.seed, rig.planes)
     orientations = np.tile([0.0, 0.0, 0.0, 1.0], (rig.probes, 1))
     if rig.rotating:
@@ -116,7 +118,8 @@ def simulate_capture(
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             if angular:
                 pixels = probe.rays.pixels
-                store = AngularStore.create(partial / SORTED, len(pixels), rig.probes, ANGULAR_BATCH)
+                order = angular_order(bucket_directions(mapping)[1])
+                store = AngularStore.create(partial / SORTED, order, rig.probes, ANGULAR_BATCH)
                 for first in range(0, rig.probes, ANGULAR_BATCH):
                     batch = range(first, min(first + ANGULAR_BATCH, rig.probes))
                     rows = [picture.reshape(-1, 3)[pixels] for picture in pool.map(render, batch)]

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from lightwell.field.repair import bilateral, mipmap, pull_push
+
+
+def _lattice(values: NDArray[np.floating[Any]], weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return values ``(H, W, 3)`` where they have weight, as a lattice ``(H, W, 4)``."""
+    return np.concatenate([np.where(weights[..., None] > 0, values, -1), weights[..., None]], axis=2, dtype=np.float32)
 
 
 @settings(deadline=None, max_examples=50)
@@ -17,23 +25,40 @@ def test_a_constant_is_exact_and_known_places_stay(height: int, width: int, shar
     weights = (generator.random((height, width)) < share).astype(np.float32)
     weights[generator.integers(height), generator.integers(width)] = 1
     for fill in (pull_push, bilateral):
-        values = np.where(weights[..., None] > 0, np.float32(7.5), np.float32(-1)).repeat(3, axis=2)
-        assert fill(values, weights)
-        np.testing.assert_allclose(values, 7.5, rtol=1e-6)
+        lattice = _lattice(np.full((height, width, 3), 7.5), weights)
+        assert fill(lattice)
+        np.testing.assert_allclose(lattice[..., :3], 7.5, rtol=1e-6)
+        np.testing.assert_array_equal(lattice[..., 3], weights)
     noise = generator.random((height, width, 3)).astype(np.float32)
-    kept = noise.copy()
-    pull_push(noise, weights)
-    np.testing.assert_array_equal(noise[weights > 0], kept[weights > 0])
-    assert noise.min() >= kept[weights > 0].min() - 1e-6
-    assert noise.max() <= kept[weights > 0].max() + 1e-6
+    lattice = _lattice(noise, weights)
+    pull_push(lattice)
+    known, filled = noise[weights > 0], lattice[..., :3]
+    np.testing.assert_array_equal(filled[weights > 0], known)
+    assert filled.min() >= known.min() - 1e-6
+    assert filled.max() <= known.max() + 1e-6
+
+
+def test_only_the_places_in_the_ranges_are_filled() -> None:
+    generator = np.random.default_rng(1)
+    weights = (generator.random((9, 8)) < 0.3).astype(np.float32)
+    ranges = np.stack([np.arange(9) % 3, 8 - np.arange(9) % 4])
+    asked = (np.arange(8) >= ranges[0][:, None]) & (np.arange(8) < ranges[1][:, None])
+    for fill in (pull_push, bilateral):
+        whole = _lattice(generator.random((9, 8, 3)), weights)
+        some = whole.copy()
+        fill(whole)
+        before = some.copy()
+        fill(some, ranges)
+        np.testing.assert_array_equal(some[asked], whole[asked])
+        np.testing.assert_array_equal(some[~asked], before[~asked])
 
 
 def test_nothing_known_changes_nothing() -> None:
-    values = np.ones((4, 5, 3), np.float32)
-    assert not pull_push(values, np.zeros((4, 5), np.float32))
-    assert not bilateral(values, np.zeros((4, 5), np.float32))
+    for fill in (pull_push, bilateral):
+        lattice = np.ones((4, 5, 4), np.float32) * np.array([1, 1, 1, 0], np.float32)
+        assert not fill(lattice)
+        assert (lattice[..., :3] == 1).all()
     assert not mipmap(np.ones((2, 3, 4, 3), np.float32), np.zeros((2, 3, 4), np.bool_))
-    assert (values == 1).all()
 
 
 @pytest.mark.parametrize("share", [0.05, 0.5])
@@ -51,9 +76,9 @@ def test_ramps_are_filled_to_a_fraction_of_a_cell() -> None:
     generator = np.random.default_rng(2)
     ramp = np.broadcast_to(np.arange(64, dtype=np.float32)[None, :, None], (64, 64, 3)).copy()
     weights = (generator.random((64, 64)) < 0.5).astype(np.float32)
-    values = np.where(weights[..., None] > 0, ramp, 0).astype(np.float32)
-    pull_push(values, weights)
-    assert np.sqrt(np.mean((values - ramp) ** 2)) < 0.6
+    lattice = _lattice(ramp, weights)
+    pull_push(lattice)
+    assert np.sqrt(np.mean((lattice[..., :3] - ramp) ** 2)) < 0.6
     ramp3 = np.broadcast_to(np.arange(24, dtype=np.float32)[None, None, :, None], (24, 24, 24, 3)).copy()
     valid = generator.random((24, 24, 24)) < 0.5
     filled = np.where(valid[..., None], ramp3, 0).astype(np.float32)
@@ -68,7 +93,7 @@ def test_bilateral_leaks_less_across_a_shadow() -> None:
     weights = (generator.random((48, 48)) < 0.3).astype(np.float32)
     errors = []
     for fill in (pull_push, bilateral):
-        values = np.where(weights[..., None] > 0, truth, 0).astype(np.float32)
-        fill(values, weights)
-        errors.append(float(np.abs(values - truth).mean()))
+        lattice = _lattice(truth, weights)
+        fill(lattice)
+        errors.append(float(np.abs(lattice[..., :3] - truth).mean()))
     assert errors[1] < 0.8 * errors[0]

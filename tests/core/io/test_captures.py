@@ -46,11 +46,11 @@ def test_angular_order_holds_what_the_frames_hold(rig: Path, tmp_path: Path) -> 
     simulate_capture(tmp_path / "angular", PRESETS["scene1"], RIG, angular=True)
     capture = open_capture(tmp_path / "angular")
     assert capture.sorted_samples is not None
-    samples = AngularStore.open(capture.sorted_samples).read(0, 10_000)
+    store = AngularStore.open(capture.sorted_samples)
     frames = open_capture(rig)
     pixels = np.flatnonzero(frames.mapping().solid_angles().reshape(-1) > 0)
     expected = np.stack([frames.read_frame(index).reshape(-1, 3)[pixels] for index in range(6)])
-    assert np.allclose(samples, expected.transpose(1, 0, 2), rtol=1e-3)
+    assert np.allclose(store.read(0, 10_000), expected.transpose(1, 0, 2)[store.order], rtol=1e-3)
 
 
 def test_rotating_rigs_are_noticed(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 
+from lightwell.field.buckets import angular_order
 from lightwell.io.angular import AngularStore
 from lightwell.io.files import write_atomically
 from lightwell.job_settings import IlfGridSettings, JobKind
@@ -39,9 +40,8 @@ class IlfGrid:
         plan = make_plan(field, context.processes)
         if plan.batches:
             batch = plan.batches[0].last - plan.batches[0].first
-            AngularStore.create(
-                _store(context, field), field.directions, field.capture.count, batch, settings.sample_format
-            )
+            order = angular_order(field.buckets.directions)
+            AngularStore.create(_store(context, field), order, field.capture.count, batch, settings.sample_format)
         else:
             stored = AngularStore.open(_store(context, field))
             if (stored.directions, stored.probes) != (field.directions, field.capture.count):

@@ -55,7 +55,7 @@ def sort_batch(cancel: Path, document: str, digest: str, store: str, first: int,
 
 
 def resample_part(cancel: Path, document: str, digest: str, store: str, out: str, first: int, last: int) -> None:
-    """Write the partial sums of the directions ``first`` … ``last − 1`` to ``out``."""
+    """Write the partial sums of the directions at the places ``first`` … ``last − 1`` of the store to ``out``."""
     field = open_field(document, digest)
     settings, capture, buckets = field.settings, field.capture, field.buckets
     samples = AngularStore.open(Path(store))
@@ -67,11 +67,12 @@ def resample_part(cancel: Path, document: str, digest: str, store: str, out: str
     block = max(1, min(MOST_BLOCK, settings.memory_mb * MEGABYTE // bytes_each))
     with threadpool_limits(1):
         for start in range(first, last, block):
-            chosen = slice(start, min(start + block, last))
+            places = slice(start, min(start + block, last))
+            chosen = samples.order[places]
             directions, offsets = buckets.directions[chosen], buckets.offsets[chosen]
             if turns is not None and field.sphere_radius_m is not None:
                 offsets = turned_offsets(field.mapping, directions, turns, field.sphere_radius_m)
-            radiance = samples.read(chosen.start, chosen.stop)
+            radiance = samples.read(places.start, places.stop)
             for resampler in resamplers:
                 resampler.add(
                     directions,
