@@ -54,3 +54,8 @@ def main() -> None:
     except LightwellError as error:
         print(f"lightwell: {error}", file=sys.stderr)
         sys.exit(1)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"lightwell: {error.filename}: {error.strerror}", file=sys.stderr)
+        sys.exit(1)

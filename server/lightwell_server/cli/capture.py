@@ -7,16 +7,25 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
+from lightwell.conventions import Units
 from lightwell.settings import MappingName
 from lightwell_server.cli.connection import JSON
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from lightwell.io.captures import Capture
 
 capture_commands = typer.Typer(help="Sequences of tracked light probes.", no_args_is_help=True)
 
 SAMPLED_FRAMES = 32
+SAMPLED_DIRECTIONS = 16
+LEAST_EXTENT_M = 1e-6
 
 
 @contextmanager
@@ -48,6 +57,7 @@ def simulate(
     seed: int = typer.Option(0, min=0, help="The same seed gives the same capture."),
     compression: str = typer.Option("none", help="Of the EXR frames: none, zstd, zip, …"),
     angular: bool = typer.Option(False, "--angular", help="Write the samples in angular order instead of frames."),
+    json: bool = JSON,
 ) -> None:
     """Record the paper's rig virtually: a room whose light is known exactly."""
     from lightwell.errors import LightwellError
@@ -57,6 +67,9 @@ def simulate(
 
     if compression not in COMPRESSIONS:
         raise LightwellError(f"--compression: {compression!r} is none of {', '.join(sorted(COMPRESSIONS))}")
+    for option, value in (("--sphere-radius-m", sphere_radius_m), ("--sphere-distance-m", sphere_distance_m)):
+        if not 1e-6 <= value <= 1e6:
+            raise LightwellError(f"{option}: {value:g}: must lie between 1e-6 and 1e6 metres")
     if angular and rotating:
         raise LightwellError("--angular: needs probes that are not turned: leave out --rotating")
     rig = RigSettings(
@@ -74,7 +87,13 @@ def simulate(
     )
     with _bar("simulating") as report:
         simulate_capture(directory, PRESETS[scene], rig, report, angular=angular)
-    print(f"{directory}: {probes} probes of {scene}")
+    _tell(directory, probes, f"{probes} probes of {scene}", json)
+
+
+def _tell(directory: Path, probes: int, words: str, json: bool) -> None:
+    """Say what has been written."""
+    document = json_module.dumps({"capture": str(directory), "probes": probes})
+    print(document if json else f"{directory}: {words}")
 
 
 @capture_commands.command("import")
@@ -94,8 +113,10 @@ def import_frames(
     sphere_distance_m: float | None = typer.Option(None, help="Camera to centre of the sphere, metres."),
     disc: str | None = typer.Option(None, metavar="CX,CY,R", help="The probe's disc in pixels, where not centred."),
     gain: float = typer.Option(1.0, help="Factor from sample to radiance."),
+    units: Units = typer.Option("relative", help="Of radiance after the gain."),
     name: str = typer.Option("", help="What to call it."),
     copy: bool = typer.Option(False, "--copy", help="Copy the frames instead of linking them."),
+    json: bool = JSON,
 ) -> None:
     """Make a capture from a folder of EXR frames and the poses of a tracker."""
     from pydantic import ValidationError
@@ -120,10 +141,20 @@ def import_frames(
         option = "--" + str(first["loc"][0]).replace("_", "-")
         raise LightwellError(f"{option}: {first['msg'].lower()}, not {first['input']}") from None
     tum = format == "tum" or (format == "auto" and poses.suffix.lower() != ".csv")
-    plan = ImportSettings(settings, gain, name, tum, fps, start_seconds, max_gap_seconds, copy)
+    plan = ImportSettings(
+        settings,
+        gain=gain,
+        units=units,
+        name=name,
+        tum=tum,
+        fps=fps,
+        start_seconds=start_seconds,
+        max_gap_seconds=max_gap_seconds,
+        copy=copy,
+    )
     with _bar("importing") as report:
         count = import_capture(frames, poses, out, plan, report)
-    print(f"{out}: {count} probes")
+    _tell(out, count, f"{count} probes", json)
 
 
 @capture_commands.command("info")
@@ -135,14 +166,14 @@ def info(
     """Check a capture and describe it: counts, bounds, density, dynamic range."""
     import numpy as np
 
-    from lightwell.conventions import LUMINANCE
     from lightwell.io.captures import open_capture
+    from lightwell_server.cli.output import write_picture
 
     capture = open_capture(directory)
     positions = capture.poses.positions
     lower, upper = capture.bounds
     size = upper - lower
-    volume = float(np.prod(np.maximum(size, 1e-9)))
+    spread = size[size > LEAST_EXTENT_M]
     summary: dict[str, Any] = {
         "capture": str(directory),
         "name": capture.info.name,
@@ -156,8 +187,8 @@ def info(
         "lower_m": lower.tolist(),
         "upper_m": upper.tolist(),
         "distinct_per_axis": [len(np.unique(positions[:, axis].round(4))) for axis in range(3)],
-        "mean_spacing_m": (volume / capture.count) ** (1 / 3),
-        "probes_per_m": [float(capture.count / max(extent, 1e-9)) for extent in size],
+        "mean_spacing_m": float((spread.prod() / capture.count) ** (1 / spread.size)) if spread.size else None,
+        "probes_per_m": [float(capture.count / extent) if extent > LEAST_EXTENT_M else None for extent in size],
         "samples_per_kernel": {str(cells): round(7.07 * capture.count / cells**2, 1) for cells in (8, 16, 32, 64)},
         "digest": capture.digest,
     }
@@ -165,31 +196,52 @@ def info(
         radius, distance = capture.info.mapping.sphere_radius_m, capture.info.mapping.sphere_distance_m
         if radius and distance:
             summary["blind_half_angle_degrees"] = float(np.degrees(np.arcsin(radius / distance)))
-    if capture.sorted_samples is None:
-        seen = capture.mapping().solid_angles().reshape(-1) > 0
-        chosen = np.linspace(0, capture.count - 1, min(capture.count, SAMPLED_FRAMES)).round().astype(int)
-        luminance = np.concatenate(
-            [capture.read_frame(index).reshape(-1, 3)[seen].astype(np.float64) @ LUMINANCE for index in chosen]
-        )
-        finite = luminance[np.isfinite(luminance)]
-        low, middle, high, most = np.quantile(finite, [0.01, 0.5, 0.99, 1.0])
-        summary["luminance"] = {
-            "p1": float(low),
-            "median": float(middle),
-            "p99": float(high),
-            "max": float(most),
-            "stops": float(np.log2(most / max(low, 1e-12))) if most > 0 else 0.0,
-            "not_finite": int(len(luminance) - len(finite)),
-        }
+    summary["luminance"] = _range(_luminance(capture))
     if plot is not None:
         from lightwell.io.plots import plot_positions
 
-        plot.write_bytes(plot_positions(positions))
+        write_picture(plot, plot_positions(positions))
     if json:
         print(json_module.dumps(summary))
         return
     for name, value in summary.items():
         print(f"{name:26} {value}")
+
+
+def _luminance(capture: Capture) -> NDArray[np.float64]:
+    """Return the luminance of some of a capture's samples: of some frames, or of some directions of all probes."""
+    import numpy as np
+
+    from lightwell.conventions import LUMINANCE
+    from lightwell.io.angular import AngularStore
+
+    if capture.sorted_samples is not None:
+        store = AngularStore.open(capture.sorted_samples)
+        places = np.linspace(0, store.directions - 1, SAMPLED_DIRECTIONS).round().astype(int)
+        samples = [store.read(place, place + 1).reshape(-1, 3) for place in np.unique(places)]
+    else:
+        seen = capture.mapping().solid_angles().reshape(-1) > 0
+        frames = np.linspace(0, capture.count - 1, SAMPLED_FRAMES).round().astype(int)
+        samples = [capture.read_frame(index).reshape(-1, 3)[seen] for index in np.unique(frames)]
+    gain = 1.0 if capture.sorted_samples is not None else capture.info.gain
+    luminance: NDArray[np.float64] = gain * np.concatenate([part.astype(np.float64) @ LUMINANCE for part in samples])
+    return luminance
+
+
+def _range(luminance: NDArray[np.float64]) -> dict[str, float | int | None]:
+    """Return the dynamic range of samples; None where there is nothing to measure it by."""
+    import numpy as np
+
+    finite = luminance[np.isfinite(luminance)]
+    quantiles = [float(value) for value in np.quantile(finite, [0.01, 0.5, 0.99, 1.0])] if finite.size else [None] * 4
+    positive = finite[finite > 0]
+    stops = float(np.log2(positive.max() / np.quantile(positive, 0.01))) if positive.size else None
+    return {
+        **dict(zip(("p1", "median", "p99", "max"), quantiles, strict=True)),
+        "stops": stops,
+        "negative": int((finite < 0).sum()),
+        "not_finite": int(luminance.size - finite.size),
+    }
 
 
 @capture_commands.command("reduce")

@@ -56,8 +56,9 @@ def info(
         summary |= {"tolerance": opened.tolerance, "leaves": opened.leaves, "memory_of_regular": round(of_regular, 4)}
     if plot is not None:
         from lightwell.io.plots import plot_grid
+        from lightwell_server.cli.output import write_picture
 
-        plot.write_bytes(plot_grid(regular, _vector("--normal", normal)))
+        write_picture(plot, plot_grid(regular, _vector("--normal", normal)))
     if json:
         print(json_module.dumps(summary))
         return
@@ -106,11 +107,17 @@ def export(
     format: Literal["npz", "three", "ktx2"] = typer.Option("npz", help="npz, three or ktx2."),
     server: str = SERVER,
     token: str | None = TOKEN,
+    json: bool = JSON,
 ) -> None:
     """Write a grid for other programs."""
     from lightwell.io.export import export_grid
 
-    for path in export_grid(_open(grid, server, token), format, out):
+    paths = export_grid(_open(grid, server, token), format, out)
+    if json:
+        files = [{"path": str(path), "bytes": path.stat().st_size} for path in paths]
+        print(json_module.dumps({"grid": grid, "format": format, "files": files}))
+        return
+    for path in paths:
         print(path)
 
 

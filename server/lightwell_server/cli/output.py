@@ -1,10 +1,11 @@
-"""Keeping C libraries off the terminal."""
+"""What commands write: files that appear whole; nothing of C libraries."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 
 @contextmanager
@@ -25,3 +26,14 @@ def quiet_libraries() -> Iterator[None]:
         for descriptor, copy in kept:
             os.dup2(copy, descriptor)
             os.close(copy)
+
+
+def write_picture(path: Path, data: bytes) -> None:
+    """Write a picture; raises `LightwellError` where its folder cannot be written."""
+    from lightwell.errors import LightwellError
+    from lightwell.io.files import write_atomically
+
+    try:
+        write_atomically(path, data)
+    except OSError as error:
+        raise LightwellError(f"{path}: cannot be written: {error.strerror}; give another file") from None
