@@ -21,49 +21,52 @@ from numpy.typing import NDArray
 Singles = NDArray[np.float32]
 
 ZERO, ONE = np.float32(0), np.float32(1)
+NEAREST, SIDE, CORNER = np.float32(9 / 16), np.float32(3 / 16), np.float32(1 / 16)
+"""Weights of the four coarse places round a fine one: bilinear."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _pull(fine, coarse):  # type: ignore[no-untyped-def]
     """Return whether every place of the coarse level has weight."""
     height, width = fine.shape[0], fine.shape[1]
     whole = True
     for row in range(coarse.shape[0]):
+        # At the border a child that does not exist is its neighbour with no weight.
+        upper, lower = fine[2 * row], fine[min(2 * row + 1, height - 1)]
+        below = ONE if 2 * row + 1 < height else ZERO
+        target = coarse[row]
         for column in range(coarse.shape[1]):
-            total, red, green, blue = ZERO, ZERO, ZERO, ZERO
-            for y in range(2 * row, min(2 * row + 2, height)):
-                for x in range(2 * column, min(2 * column + 2, width)):
-                    weight = min(fine[y, x, 3], ONE)
-                    total += weight
-                    red += weight * fine[y, x, 0]
-                    green += weight * fine[y, x, 1]
-                    blue += weight * fine[y, x, 2]
-            place = coarse[row, column]
-            place[3] = total
+            x, next_x = 2 * column, min(2 * column + 1, width - 1)
+            beside = ONE if 2 * column + 1 < width else ZERO
+            a, b = min(upper[x, 3], ONE), min(upper[next_x, 3], ONE) * beside
+            c, d = min(lower[x, 3], ONE) * below, min(lower[next_x, 3], ONE) * below * beside
+            total = a + b + c + d
             inverse = ONE / total if total > 0 else ZERO
-            place[0], place[1], place[2] = red * inverse, green * inverse, blue * inverse
+            for channel in range(3):
+                high = a * upper[x, channel] + b * upper[next_x, channel]
+                low = c * lower[x, channel] + d * lower[next_x, channel]
+                target[column, channel] = (high + low) * inverse
+            target[column, 3] = total
             if total <= 0:
                 whole = False
     return whole
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
 def _push(fine, coarse, firsts, lasts):  # type: ignore[no-untyped-def]
     """Fill the places ``firsts[y] … lasts[y] − 1`` of each row that have no weight."""
     for y in range(fine.shape[0]):
-        near_y = y // 2
-        far_y = min(max(near_y + (1 if y % 2 == 1 else -1), 0), coarse.shape[0] - 1)
+        nodes = fine[y]
+        near = coarse[y // 2]
+        far = coarse[min(max(y // 2 + (1 if y % 2 == 1 else -1), 0), coarse.shape[0] - 1)]
         for x in range(firsts[y], lasts[y]):
-            if fine[y, x, 3] > 0:
+            if nodes[x, 3] > 0:
                 continue
             near_x = x // 2
             far_x = min(max(near_x + (1 if x % 2 == 1 else -1), 0), coarse.shape[1] - 1)
             for channel in range(3):
-                fine[y, x, channel] = np.float32(0.0625) * (
-                    9 * coarse[near_y, near_x, channel]
-                    + 3 * (coarse[near_y, far_x, channel] + coarse[far_y, near_x, channel])
-                    + coarse[far_y, far_x, channel]
-                )
+                straight = NEAREST * near[near_x, channel] + SIDE * near[far_x, channel]
+                nodes[x, channel] = straight + (SIDE * far[near_x, channel] + CORNER * far[far_x, channel])
 
 
 @njit(cache=True, nogil=True)
