@@ -9,7 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, field_validator
+from pydantic_core import PydanticCustomError
 
 from lightwell.conventions import DEFAULT_BANDS
 from lightwell.settings import Settings, Vector3, WindowSettings
@@ -18,16 +19,18 @@ JobKind = Literal["ilf-grid", "capture-reduce"]
 JobState = Literal["queued", "running", "cancelling", "cancelled", "failed", "succeeded"]
 RepairKind = Literal["pull-push", "mipmap", "bilateral", "none"]
 GradientKind = Literal["none", "central"]
-Resolution = Annotated[tuple[int, int, int], Field(description="cells along x, y and z")]
+Cells = Annotated[int, Field(strict=True, ge=1, le=4096)]
+Resolution = Annotated[tuple[Cells, Cells, Cells], Field(description="cells along x, y and z")]
 
 MAX_GRID_BANDS = 6
 MAX_CELLS = 1 << 25
+"""Of all grids of a job: 320 along each axis of one. Larger ones fit neither memory nor a browser."""
 DEFAULT_PRIORITY = 100
 
 
 def _resolutions(value: Any) -> Any:  # noqa: ANN401
     """Take ``64``, ``[64, 64, 32]`` and lists of either."""
-    if isinstance(value, int):
+    if isinstance(value, int) and not isinstance(value, bool):
         return ((value, value, value),)
     if isinstance(value, list | tuple):
         if len(value) == 3 and all(isinstance(item, int) for item in value):
@@ -41,7 +44,10 @@ class IlfGridSettings(Settings):
 
     capture: str = Field(min_length=1, description="id of a registered capture, or its folder below a data root")
     resolutions: Annotated[tuple[Resolution, ...], BeforeValidator(_resolutions)] = Field(
-        ((32, 32, 32),), min_length=1, max_length=8, description="cells along x, y and z; several grids in one pass"
+        ((32, 32, 32),),
+        max_length=8,
+        description="cells along x, y and z; several grids in one pass",
+        json_schema_extra={"minItems": 1},
     )
     bounds: tuple[Vector3, Vector3] | None = Field(
         None, description="lower and upper corner of the grid, metres; default: the box round the probes"
@@ -81,6 +87,26 @@ class IlfGridSettings(Settings):
         6.0, ge=0.05, le=3600, description="core time between checkpoints: what a kill can cost, seconds"
     )
     compare: bool = Field(True, description="simulated captures: report the error against the exact field")
+
+    @field_validator("resolutions")
+    @classmethod
+    def _check_resolutions(cls, value: tuple[tuple[int, int, int], ...]) -> tuple[tuple[int, int, int], ...]:
+        cells = sum(x * y * z for x, y, z in value)
+        if not value:
+            raise PydanticCustomError("resolutions", "must hold at least one")
+        if len(set(value)) < len(value):
+            raise PydanticCustomError("resolutions", "must differ from each other: grids are named by them")
+        if cells > MAX_CELLS:
+            words = f"must have at most {MAX_CELLS} cells together, not {cells}"
+            raise PydanticCustomError("resolutions", words)
+        return value
+
+    @field_validator("bounds")
+    @classmethod
+    def _check_bounds(cls, value: tuple[Vector3, Vector3] | None) -> tuple[Vector3, Vector3] | None:
+        if value is not None and not all(low < high for low, high in zip(*value, strict=True)):
+            raise PydanticCustomError("bounds", "the upper corner must lie above the lower one on every axis")
+        return value
 
 
 class CaptureReduceSettings(Settings):

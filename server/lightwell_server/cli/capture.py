@@ -218,7 +218,7 @@ def _luminance(capture: Capture) -> NDArray[np.float64]:
     if capture.sorted_samples is not None:
         store = AngularStore.open(capture.sorted_samples)
         places = np.linspace(0, store.directions - 1, SAMPLED_DIRECTIONS).round().astype(int)
-        samples = [store.read(place, place + 1).reshape(-1, 3) for place in np.unique(places)]
+        samples: list[NDArray[Any]] = [store.read(place, place + 1).reshape(-1, 3) for place in np.unique(places)]
     else:
         seen = capture.mapping().solid_angles().reshape(-1) > 0
         frames = np.linspace(0, capture.count - 1, SAMPLED_FRAMES).round().astype(int)
