@@ -15,7 +15,15 @@ CAPTURE_ID = re.compile(r"^[a-z0-9][a-z0-9_-]{0,62}$")
 
 
 class CaptureRefusedError(LightwellError):
-    """A capture may not be used or has a bad id: says why and what would help."""
+    """A capture may not be used: says why and what would help."""
+
+
+class CaptureNameError(LightwellError):
+    """A capture's id is none: says what would be one."""
+
+
+class CaptureTakenError(LightwellError):
+    """A capture's id stands for another folder."""
 
 
 class CaptureUnknownError(LightwellError):
@@ -55,7 +63,9 @@ class Captures:
         Raises
         ------
         CaptureRefusedError
-            Where the folder lies outside the data roots, or the id is bad or taken.
+            Where the folder lies outside the data roots.
+        CaptureNameError, CaptureTakenError
+            Where the id is bad, or taken.
         CaptureError
             Where the folder holds no valid capture.
         """
@@ -63,10 +73,10 @@ class Captures:
         capture = open_capture(directory)
         chosen = name or re.sub(r"[^a-z0-9_-]+", "-", directory.name.lower()).strip("-")[:63]
         if not CAPTURE_ID.match(chosen):
-            raise CaptureRefusedError(f"id: {chosen!r}: use lower-case letters, digits, - and _, at most 63")
+            raise CaptureNameError(f"id: {chosen!r}: use lower-case letters, digits, - and _, at most 63")
         known = self._store.captures().get(chosen)
         if known is not None and known != str(directory):
-            raise CaptureRefusedError(f"id: {chosen!r} stands for another folder; give another id")
+            raise CaptureTakenError(f"id: {chosen!r} stands for another folder; give another id")
         self._store.put_capture(chosen, str(directory))
         return Registered(chosen, directory), capture
 

@@ -35,9 +35,12 @@ class Jobs:
 
     def start(self) -> None:
         """Go on with the jobs of an earlier run, where there was one."""
-        if self.settings.database_url or (self._data_dir / "jobs.sqlite").exists():
+        if self._exists():
             self.executor.ensure()
-            self._retention = asyncio.create_task(self._sweep())
+        self._retention = asyncio.create_task(self._sweep())
+
+    def _exists(self) -> bool:
+        return self.in_use or bool(self.settings.database_url) or (self._data_dir / "jobs.sqlite").exists()
 
     async def close(self) -> None:
         """Close the connections and end the executor."""
@@ -65,8 +68,9 @@ class Jobs:
     async def _sweep(self) -> None:
         """Delete what is older than the retention, now and then."""
         while True:
-            with contextlib.suppress(LightwellError):
-                deleted = await self.call(lambda queue: queue.sweep(self.settings.retention_days))
-                if deleted:
-                    log.info("old jobs deleted", count=len(deleted))
+            if self._exists():
+                with contextlib.suppress(LightwellError):
+                    deleted = await self.call(lambda queue: queue.sweep(self.settings.retention_days))
+                    if deleted:
+                        log.info("old jobs deleted", count=len(deleted))
             await asyncio.sleep(RETENTION_PAUSE_SECONDS)

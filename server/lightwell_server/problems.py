@@ -22,7 +22,7 @@ from starlette.routing import Match, Mount
 from lightwell.errors import LightwellError
 from lightwell.io.grids import GridError
 from lightwell.io.poses import CaptureError
-from lightwell_server.captures import CaptureRefusedError, CaptureUnknownError
+from lightwell_server.captures import CaptureNameError, CaptureRefusedError, CaptureTakenError, CaptureUnknownError
 from lightwell_server.config import complaint
 from lightwell_server.store import StoreError
 from lightwell_workers.jobs.database import QueueError
@@ -41,6 +41,8 @@ REFUSALS: dict[type[LightwellError], tuple[int, str]] = {
     QueueError: (503, "queue"),
     CaptureUnknownError: (404, "no-such-capture"),
     CaptureRefusedError: (403, "capture-refused"),
+    CaptureNameError: (422, "invalid-input"),
+    CaptureTakenError: (409, "capture-exists"),
     CaptureError: (422, "bad-capture"),
     GridError: (404, "no-such-grid"),
     JobError: (422, "invalid-input"),

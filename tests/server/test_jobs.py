@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import json
 import shutil
@@ -163,6 +164,36 @@ def test_repeated_keys(client: Lightwell, http: httpx.Client) -> None:
     assert (other.status_code, other.json()["type"]) == (409, "urn:lightwell:problem:idempotency-key")
 
 
+def test_a_repeated_key_needs_no_room(tmp_path: Path) -> None:
+    make_capture(tmp_path / "captures" / "rig")
+    body = {"kind": "ilf-grid", "settings": {"capture": "captures/rig", **SMALL}}
+    jobs = {"embedded": False, "quota_mb": 1}
+    with running_server(tmp_path, jobs=jobs) as url, httpx.Client(base_url=f"{url}/api/v1", trust_env=False) as http:
+        first = http.post("/jobs", json=body, headers={"Idempotency-Key": "one"})
+        assert first.status_code == 202
+        work = tmp_path / "jobs" / "other-job" / "work"
+        work.mkdir(parents=True)
+        (work / "part").write_bytes(bytes(1 << 20))
+        assert http.post("/jobs", json=body).status_code == 507
+        assert http.post("/jobs", json=body, headers={"Idempotency-Key": "one"}).json()["id"] == first.json()["id"]
+
+
+@pytest.mark.parametrize("place", ['["a", "b"]', '[1e999, "a"]', '[1e30, "a"]', '[-1e30, "a"]', "{}", "[1]", "1", "\0"])
+def test_cursors_that_no_listing_gave_are_refused(http: httpx.Client, place: str) -> None:
+    cursor = base64.urlsafe_b64encode(place.encode()).decode()
+    answer = http.get("/jobs", params={"cursor": cursor})
+    assert (answer.status_code, answer.json()["type"]) == (422, "urn:lightwell:problem:bad-cursor")
+
+
+def test_ids_of_captures_are_checked(http: httpx.Client) -> None:
+    assert http.post("/captures", json={"path": "captures/rig", "id": "BAD ID"}).status_code == 422
+    assert http.post("/captures", json={"path": "captures/rig", "id": "stage"}).status_code == 201
+    assert http.post("/captures", json={"path": "captures/rig", "id": "stage"}).status_code == 201
+    taken = http.post("/captures", json={"path": "captures/slow", "id": "stage"})
+    assert (taken.status_code, taken.json()["type"]) == (409, "urn:lightwell:problem:capture-exists")
+    assert http.delete("/captures/stage").status_code == 204
+
+
 def test_dry_run_estimates(client: Lightwell) -> None:
     small = client.estimate("ilf-grid", {"capture": "captures/rig", **SMALL})
     large = client.estimate("ilf-grid", _slow())
@@ -180,7 +211,11 @@ def test_dry_run_estimates(client: Lightwell) -> None:
         ({}, ["settings.capture", "missing"]),
         ({"capture": "captures/none"}, ["no such folder"]),
         ({"capture": "nowhere"}, ["no capture 'nowhere'"]),
-        ({"capture": "captures/rig", "bounds": [[0, 0, 0], [1, 1, 0]]}, ["bounds", "upper corner"]),
+        ({"capture": "captures/rig", "bounds": [[0, 0, 0], [1, 1, 0]]}, ["settings.bounds", "upper corner"]),
+        ({"capture": "captures/rig", "resolutions": 0}, ["settings.resolutions.0.0: 0", "greater than or equal to 1"]),
+        ({"capture": "captures/rig", "resolutions": True}, ["settings.resolutions: True"]),
+        ({"capture": "captures/rig", "resolutions": [8, 8]}, ["settings.resolutions", "differ from each other"]),
+        ({"capture": "captures/rig", "resolutions": 400}, ["settings.resolutions", "at most 33554432 cells"]),
     ],
 )
 def test_bad_settings_are_refused(http: httpx.Client, settings: dict[str, Any], words: list[str]) -> None:
@@ -225,6 +260,9 @@ def test_cancel_takes_effect_within_two_seconds_and_retry_resumes(client: Lightw
     # A step may end in the moment of the cancellation, before that is recorded: it then runs again.
     assert len(steps) <= len(set(steps)) + 1
     assert steps[: len(before)] == before
+    if stage != "queued":
+        states = [line["state"] for line in client.job_log(job) if line["type"] == "state"]
+        assert states == ["running", "cancelled", "running", "succeeded"]
     with pytest.raises(ProblemError, match="only a failed or cancelled job"):
         client.retry(job)
     with pytest.raises(ProblemError, match="only a queued or running job"):

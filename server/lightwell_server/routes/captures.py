@@ -86,7 +86,7 @@ async def list_captures(request: Request) -> CaptureList:
     return CaptureList(captures=await asyncio.to_thread(lambda: [_look(item) for item in known]))
 
 
-@router.post("/captures", status_code=201, dependencies=ADMIN, responses=problems(422, 507))
+@router.post("/captures", status_code=201, dependencies=ADMIN, responses=problems(409, 422, 507))
 async def register_capture(request: Request, response: Response, registration: CaptureRegistration) -> CaptureDocument:
     """Remember a capture by an id; its folder must lie below one of the data roots."""
     parts = services(request)

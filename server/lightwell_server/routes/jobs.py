@@ -14,6 +14,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lightwell.job_settings import DEFAULT_PRIORITY, JobKind, JobState
+from lightwell.settings import Settings
 from lightwell_server.problems import Problem, invalid_input
 from lightwell_server.routes.access import ADMIN, READ, problems
 from lightwell_server.services import Services, services
@@ -137,12 +138,17 @@ async def submit_job(
 ) -> JobDocument | EstimateDocument:
     """Submit a job, or say what it would need."""
     parts = services(request)
-    document, estimate = await asyncio.to_thread(_check, parts, submission)
-    if submission.dry_run:
-        response.status_code = 200
-        return estimate
-    if estimate.reason is not None:
-        raise Problem(507, "no-room", estimate.reason)
+    settings = await asyncio.to_thread(_settings, parts, submission)
+    # What has been submitted already needs no room again.
+    is_known = idempotency_key is not None and await parts.jobs.call(lambda queue: queue.knows(idempotency_key))
+    if submission.dry_run or not is_known:
+        estimate = await asyncio.to_thread(_estimate, parts, submission.kind, settings)
+        if submission.dry_run:
+            response.status_code = 200
+            return estimate
+        if estimate.reason is not None:
+            raise Problem(507, "no-room", estimate.reason)
+    document = settings.model_dump(mode="json")
     job, is_new = await parts.jobs.call(
         lambda queue: queue.submit(submission.kind, document, priority=submission.priority, key=idempotency_key)
     )
@@ -153,25 +159,27 @@ async def submit_job(
     return _document(job)
 
 
-def _check(parts: Services, submission: JobSubmission) -> tuple[dict[str, Any], EstimateDocument]:
-    """Return the settings with the capture's folder in place of its id, and what the job needs."""
-    kind = KINDS[submission.kind]
+def _settings(parts: Services, submission: JobSubmission) -> Settings:
+    """Return the settings with the capture's folder in place of its id."""
     try:
-        settings = kind.settings_type.model_validate(submission.settings)
+        settings = KINDS[submission.kind].settings_type.model_validate(submission.settings)
     except ValidationError as error:
         raise invalid_input(error.errors(), ("settings",)) from None
     directory = parts.captures.resolve(submission.settings["capture"])
-    settings = settings.model_copy(update={"capture": str(directory)})
-    need = kind.estimate(settings)
+    return settings.model_copy(update={"capture": str(directory)})
+
+
+def _estimate(parts: Services, kind: JobKind, settings: Settings) -> EstimateDocument:
+    """Return what the job needs."""
+    need = KINDS[kind].estimate(settings)
     reason = space_problem(parts.jobs.settings, parts.jobs.root, need.disk_bytes)
-    estimate = EstimateDocument(
+    return EstimateDocument(
         seconds=round(need.seconds, 3),
         memory_bytes=need.memory_bytes,
         disk_bytes=need.disk_bytes,
         fits=reason is None,
         reason=reason,
     )
-    return settings.model_dump(mode="json"), estimate
 
 
 @router.get("/jobs", dependencies=READ, responses=problems(422, 503))

@@ -97,16 +97,29 @@ def read_events(path: Path, after: int = 0, limit: int = 1 << 20) -> list[tuple[
 
 def last_progress(path: Path) -> Progress | None:
     """Return the newest progress event."""
+    event = _last(path, "progress")
+    with contextlib.suppress(msgspec.MsgspecError):
+        return None if event is None else msgspec.convert(event, Progress)
+    return None
+
+
+def last_state(path: Path) -> str | None:
+    """Return the newest state that is among the last events."""
+    event = _last(path, "state")
+    return None if event is None else str(event.get("state"))
+
+
+def _last(path: Path, kind: str) -> dict[str, Any] | None:
+    """Return the newest event of a kind that lies in the last `TAIL_BYTES`."""
     try:
-        start = max(0, path.stat().st_size - TAIL_BYTES)
         with path.open("rb") as file:
-            file.seek(start)
+            file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
             lines = file.read().splitlines()
     except OSError:
         return None
     for line in reversed(lines):
-        with contextlib.suppress(ValueError, msgspec.MsgspecError):
+        with contextlib.suppress(ValueError):
             event = json.loads(line)
-            if event.get("type") == "progress":
-                return msgspec.convert(event, Progress)
+            if isinstance(event, dict) and event.get("type") == kind:
+                return event
     return None

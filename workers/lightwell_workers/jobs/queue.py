@@ -102,9 +102,9 @@ class Queue:
         KeyConflictError
             Where the key stands for a job with another kind or other settings.
         """
-        job = uuid.uuid4().hex[:ID_LENGTH] if key is None else hashlib.sha256(key.encode()).hexdigest()[:ID_LENGTH]
+        job = uuid.uuid4().hex[:ID_LENGTH] if key is None else _id_of_key(key)
+        is_new = key is None or not self.knows(key)
         with _reported():
-            is_new = key is None or not self._client.list_workflows(workflow_ids=[job], load_input=False)
             if is_new:
                 self._client.enqueue(
                     {"workflow_name": kind, "queue_name": QUEUE, "workflow_id": job, "priority": priority}, settings
@@ -113,6 +113,11 @@ class Queue:
         if (made.kind, made.settings) != (kind, settings):
             raise KeyConflictError(f"the idempotency key {key!r} was used for another job ({job}); take a new key")
         return made, is_new
+
+    def knows(self, key: str) -> bool:
+        """Return whether there is a job of an idempotency key."""
+        with _reported():
+            return bool(self._client.list_workflows(workflow_ids=[_id_of_key(key)], load_input=False))
 
     def get(self, job: str) -> Job:
         """Return a job; raises `JobNotFoundError`."""
@@ -288,6 +293,10 @@ def _reported() -> Iterator[None]:
         raise QueueError(f"the queue's database does not answer: {reason}") from None
 
 
+def _id_of_key(key: str) -> str:
+    return hashlib.sha256(key.encode()).hexdigest()[:ID_LENGTH]
+
+
 def _error_text(error: Exception) -> str:
     return str(getattr(error, "message", "") or error) or type(error).__name__
 
@@ -311,6 +320,7 @@ def _encode_cursor(place: tuple[int, str]) -> str:
 def _decode_cursor(cursor: str) -> tuple[int, str]:
     try:
         created, job = json.loads(base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)))
+        datetime.fromtimestamp((int(created) + 1) / 1000, UTC)
         return int(created), str(job)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError, OSError):
         raise CursorError(f"cursor: {cursor!r} is not one that a listing of jobs gave; leave it out") from None

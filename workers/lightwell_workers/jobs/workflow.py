@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import os
 import shutil
 import threading
 import time
@@ -23,8 +24,8 @@ from lightwell.errors import LightwellError
 from lightwell.job_settings import JobKind, JobsSettings
 from lightwell_workers.jobs.compute import ComputeLostError, DaskCompute, InlineCompute
 from lightwell_workers.jobs.context import Compute, JobCancelled, JobContext
-from lightwell_workers.jobs.directory import JobDirectory
-from lightwell_workers.jobs.events import EventLog
+from lightwell_workers.jobs.directory import JOB_ID, JobDirectory
+from lightwell_workers.jobs.events import EventLog, last_state
 from lightwell_workers.jobs.kind import SMALL_SECONDS, JobError, Kind
 from lightwell_workers.jobs.kinds import KINDS
 
@@ -55,10 +56,12 @@ class Runner:
         self._dask = DaskCompute(settings.scheduler, settings.processes)
         self._inline = InlineCompute()
         self._stops: set[threading.Event] = set()
+        self._is_closing = False
         threadpool_limits(1)  # jobs and tasks are what runs in parallel
 
     def close(self) -> None:
         """Stop what runs; the jobs are resumed by the next executor."""
+        self._is_closing = True
         for stop in list(self._stops):
             stop.set()
         self._dask.close()
@@ -93,7 +96,10 @@ class Runner:
                 try:
                     return self._run_locked(directory, kind, settings, index, stop, events)
                 except JobCancelled:
-                    events.append("state", state="cancelled")
+                    if self._is_closing and not directory.cancel.exists():
+                        events.append("log", level="info", message="interrupted: goes on with the next executor")
+                    else:
+                        events.append("state", state="cancelled")
                     raise
                 except Exception as error:
                     failure = _explain(error, directory)
@@ -118,9 +124,10 @@ class Runner:
         compute: Compute = self._inline if estimate.seconds < SMALL_SECONDS else self._dask
         context = JobContext(directory, events, compute, stop)
         context.check()
-        if index == PREPARE:
+        if index == PREPARE or last_state(directory.events) in ("cancelled", "failed"):
             events.append("state", state="running")
-            self._check_space(estimate.disk_bytes)
+        if index == PREPARE:
+            self._check_space(directory.id, estimate.disk_bytes)
             context.results.mkdir(parents=True, exist_ok=True)
             kind.prepare(settings, context)
             return len(kind.steps(settings, context))
@@ -135,22 +142,23 @@ class Runner:
         context.log("step done", step=steps[index].name, seconds=round(time.monotonic() - started, 3))
         return len(steps)
 
-    def _check_space(self, wanted: int) -> None:
-        reason = space_problem(self._settings, self._root, wanted)
+    def _check_space(self, job: str, wanted: int) -> None:
+        reason = space_problem(self._settings, self._root, wanted, job)
         if reason is not None:
             raise JobError(reason)
 
 
-def space_problem(settings: JobsSettings, root: Path, wanted: int) -> str | None:
-    """Return why a job that needs ``wanted`` bytes of disk cannot start, or None."""
+def space_problem(settings: JobsSettings, root: Path, wanted: int, job: str | None = None) -> str | None:
+    """Return why a job that needs ``wanted`` bytes of disk cannot start, or None; what ``job`` has already counts."""
     existing = next(path for path in (root, *root.parents) if path.exists())
     free = shutil.disk_usage(existing).free
-    if free - wanted < settings.min_free_mb * MEGABYTE:
+    more = wanted if job is None else max(0, wanted - _tree_bytes(root / job))
+    if free - more < settings.min_free_mb * MEGABYTE:
         return (
-            f"the disk has {free // MEGABYTE} MB free, the job needs {wanted // MEGABYTE + 1} MB and must leave "
+            f"the disk has {free // MEGABYTE} MB free, the job needs {more // MEGABYTE + 1} MB and must leave "
             f"{settings.min_free_mb} MB ([jobs] min_free_mb): free space, or choose a smaller grid"
         )
-    used = used_bytes(root)
+    used = used_bytes(root, job)
     if used + wanted > settings.quota_mb * MEGABYTE:
         return (
             f"jobs use {used // MEGABYTE} MB of {settings.quota_mb} MB ([jobs] quota_mb) and this one needs "
@@ -159,16 +167,23 @@ def space_problem(settings: JobsSettings, root: Path, wanted: int) -> str | None
     return None
 
 
-def used_bytes(root: Path) -> int:
-    """Return the size of all artefacts, from their manifests."""
+def used_bytes(root: Path, but: str | None = None) -> int:
+    """Return the size of all results, from their manifests, and of the files of jobs that have not succeeded."""
     if not root.is_dir():
         return 0
-    return sum(
-        artifact.bytes
-        for path in root.iterdir()
-        if (path / "manifest.json").is_file()
-        for artifact in JobDirectory(root, path.name).read_manifest()
-    )
+    folders = [path for path in root.iterdir() if path.name != but and JOB_ID.match(path.name)]
+    results = (artifact.bytes for path in folders for artifact in JobDirectory(root, path.name).read_manifest())
+    return sum(results) + sum(_tree_bytes(path / "work") for path in folders)
+
+
+def _tree_bytes(folder: Path) -> int:
+    """Return the size of the files below a folder; those that vanish meanwhile count nothing."""
+    size = 0
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with contextlib.suppress(OSError):
+                size += (Path(place) / name).lstat().st_size
+    return size
 
 
 @contextlib.contextmanager
