@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,12 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.conventions import Convention
-from lightwell_client.errors import ConnectionLostError
+from lightwell_client.errors import ConnectionLostError, ProblemError
 
 FINISHED = ("cancelled", "failed", "succeeded")
 QUIET_SECONDS = 60.0
 """The server says something at least every 15 s."""
 RECONNECTS = 10
+FIRST_PAUSE_SECONDS = 0.2
+LONGEST_PAUSE_SECONDS = 3.0
+POINTS_A_REQUEST = 400
+"""So many fit into the longest URL that servers take."""
 CHUNK_BYTES = 1 << 20
 
 
@@ -131,6 +137,10 @@ class JobRoutes(ABC):
         body: dict[str, Any] = {"path": str(path)} | ({"id": name} if name else {})
         return self._typed(dict, self._request("POST", "/api/v1/captures", json=body))  # type: ignore[no-any-return]
 
+    def captures(self) -> list[dict[str, Any]]:
+        """Return the captures that the server knows, by id; those that cannot be used say why in ``error``."""
+        return self._request("GET", "/api/v1/captures").json()["captures"]  # type: ignore[no-any-return]
+
     def submit(self, kind: str, settings: dict[str, Any], *, priority: int = 100, key: str | None = None) -> Job:
         """Submit a job; the same ``key`` and settings give the same job, however often they are sent."""
         body = {"kind": kind, "settings": settings, "priority": priority}
@@ -173,10 +183,13 @@ class JobRoutes(ABC):
     def events(self, job: str, after: int = 0) -> Iterator[dict[str, Any]]:
         """Yield what happens to a job until it has ended; the last event has the type ``end`` and the whole ``job``.
 
-        A connection that breaks is made again where it broke off.
+        A connection that breaks is made again where it broke off, also to a server that restarts meanwhile; after some
+        20 s without an answer that is a `ConnectionLostError`.
         """
+        self.job(job)  # an unknown job, and a server that is not there at all, are told at once
         last, failures = after, 0
         while True:
+            reason = "the server ended the stream of events"
             try:
                 for number, kind, event in self._stream(job, last):
                     last, failures = number, 0
@@ -184,13 +197,19 @@ class JobRoutes(ABC):
                         yield {"type": "end", "job": event}
                         return
                     yield event
-            except httpx.TransportError as error:
-                failures += 1
-                if failures > RECONNECTS:
-                    raise ConnectionLostError(f"no answer from {self._client.base_url}: {error}") from None
+            except (httpx.TransportError, ConnectionLostError) as error:
+                reason = str(error)
+            except ProblemError as problem:
+                if problem.status != httpx.codes.SERVICE_UNAVAILABLE:
+                    raise
+                reason = problem.detail
+            failures += 1
+            if failures > RECONNECTS:
+                raise ConnectionLostError(f"no answer from {self._client.base_url}: {reason}") from None
+            time.sleep(min(FIRST_PAUSE_SECONDS * 2 ** (failures - 1), LONGEST_PAUSE_SECONDS))
 
     def _stream(self, job: str, after: int) -> Iterator[tuple[int, str, dict[str, Any]]]:
-        self.job(job)  # an unknown job is a problem, not an empty stream
+        self.job(job)  # a job that has been deleted is a problem, not an empty stream
         headers = {"Last-Event-ID": str(after)}
         timeout = httpx.Timeout(10.0, read=QUIET_SECONDS)
         with self._client.stream("GET", f"{_path(job)}/events", headers=headers, timeout=timeout) as response:
@@ -218,7 +237,10 @@ class JobRoutes(ABC):
         return self._request("GET", place if path is None else f"{place}/{quote(path)}").content
 
     def download(self, artifact: str, target: Path) -> None:
-        """Write a result, a file or a folder, to ``target``."""
+        """Write a result, a file or a folder, to ``target``.
+
+        Raises `ConnectionLostError` where a file of a folder is not what the server says it is.
+        """
         response = self._request("GET", f"/api/v1/artifacts/{quote(artifact, safe='')}")
         listing = response.json() if response.headers.get("Content-Type") == "application/json" else None
         if not isinstance(listing, dict) or "files" not in listing:
@@ -227,7 +249,10 @@ class JobRoutes(ABC):
         for file in listing["files"]:
             place = target / file["path"]
             place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_bytes(self.artifact(artifact, file["path"]))
+            data = self.artifact(artifact, file["path"])
+            if hashlib.sha256(data).hexdigest() != file["sha256"]:
+                raise ConnectionLostError(f"{artifact}: {file['path']} came damaged; download it again")
+            place.write_bytes(data)
 
     def grids(self) -> list[dict[str, Any]]:
         """Return the finished grids: id, job, path, bytes and sha256 of each."""
@@ -243,14 +268,17 @@ class JobRoutes(ABC):
         bands: int | None = None,
     ) -> GridSample:
         """Return the light at points of a grid, metres."""
-        params: dict[str, Any] = {
-            "at": [",".join(repr(float(value)) for value in point) for point in points],
-            "gradients": gradients,
-            "convention": convention,
-        }
+        params: dict[str, Any] = {"gradients": gradients, "convention": convention}
         if bands is not None:
             params["bands"] = bands
-        return self._typed(GridSample, self._request("GET", f"/api/v1/grids/{grid}/sample", params=params))  # type: ignore[no-any-return]
+        at = [",".join(repr(float(value)) for value in point) for point in points]
+        place = f"/api/v1/grids/{quote(grid, safe='')}/sample"
+        found = []
+        for first in range(0, max(1, len(at)), POINTS_A_REQUEST):
+            some = params | {"at": at[first : first + POINTS_A_REQUEST]}
+            part: GridSample = self._typed(GridSample, self._request("GET", place, params=some))
+            found += part.points
+        return GridSample(grid, found)
 
 
 def _path(job: str) -> str:

@@ -8,6 +8,7 @@ import json
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +18,7 @@ import httpx
 import numpy as np
 import pytest
 import zarr
-from tests.support.jobs import FINISHED, executor, make_capture, wait_for
+from tests.support.jobs import FINISHED, executor, free_port, make_capture, wait_for
 from tests.support.server import running_server
 
 from lightwell_client import Lightwell, ProblemError
@@ -151,6 +152,78 @@ def test_artifacts_are_plain_files_with_ranges(client: Lightwell, http: httpx.Cl
     for path in ("../report.json", "%2e%2e/report.json", "..%2freport.json", "/etc/passwd", ""):
         assert http.get(f"/artifacts/{job.id}.grid/{path}").status_code == 404, path
     assert http.get("/artifacts/..%2f..%2fjobs.sqlite").status_code == 404
+
+
+def test_ranges_that_are_none_are_left_out(client: Lightwell, http: httpx.Client) -> None:
+    job = client.wait(client.submit("ilf-grid", {"capture": "captures/rig", **SMALL}).id)
+    place = f"/artifacts/{job.id}.report"
+    whole = http.get(place)
+    assert whole.headers["Cache-Control"] == "private, no-cache"
+    etag = whole.headers["ETag"]
+    for asked in ("bytes=9-2", "lines=1-2", "bytes=x", "nonsense"):
+        answer = http.get(place, headers={"Range": asked})
+        assert (answer.status_code, answer.content) == (200, whole.content), asked
+    beyond = {"Range": "bytes=100000-"}
+    refused = http.get(place, headers=beyond)
+    assert (refused.status_code, refused.json()["type"]) == (416, "urn:lightwell:problem:range")
+    assert refused.headers["Content-Range"] == f"bytes */{len(whole.content)}"
+    assert http.get(place, headers=beyond | {"If-Range": '"another"'}).status_code == 200
+    assert http.get(place, headers=beyond | {"If-Range": etag}).status_code == 416
+    assert http.get(place, headers={"Range": "bytes=2-4", "If-Range": etag}).content == whole.content[2:5]
+    for known in (etag, f"W/{etag}", "*"):
+        assert http.get(place, headers={"If-None-Match": known}).status_code == 304
+
+
+def test_many_points_and_bad_points(client: Lightwell, http: httpx.Client) -> None:
+    job = client.wait(client.submit("ilf-grid", {"capture": "captures/rig", **SMALL}).id)
+    points = np.random.default_rng(0).uniform(-0.3, 0.3, (1001, 3))
+    found = client.sample(f"{job.id}.grid", points.tolist(), bands=1).points
+    assert len(found) == 1001
+    np.testing.assert_allclose([point.at for point in found], points)
+    for at in ("1,2", "a,b,c", "nan,0,0", ""):
+        answer = http.get(f"/grids/{job.id}.grid/sample", params={"at": at}).json()
+        assert (answer["status"], answer["errors"][0]["field"]) == (422, "at")
+    for normal in ("1e300,0,0", "0,0,1e-300"):
+        assert http.get(f"/grids/{job.id}.grid/preview", params={"normal": normal}).content.startswith(b"\x89PNG")
+    assert (
+        http.get(f"/grids/{job.id}.grid/preview", params={"normal": "0,0,0"}).json()["errors"][0]["field"] == "normal"
+    )
+
+
+def test_long_logs_are_told_whole(client: Lightwell, http: httpx.Client, data: Path) -> None:
+    job = client.wait(client.submit("ilf-grid", {"capture": "captures/rig", **SMALL}).id).id
+    events = data / "jobs" / job / "events.jsonl"
+    line = json.dumps({"type": "progress", "stage": "sort", "done": 1, "total": 2, "rate": 0.0, "padding": "x" * 1000})
+    events.write_text(f"{line}\n" * 2500 + events.read_text())
+    assert client.job_log(job)[-1]["state"] == "succeeded"
+    told = list(client.events(job))
+    assert len(told) > 2500
+    assert [event.get("state") for event in told if event["type"] == "state"][-1] == "succeeded"
+    assert told[-1]["type"] == "end"
+
+
+def test_a_client_follows_a_job_over_a_restart_of_the_server(tmp_path: Path) -> None:
+    make_capture(tmp_path / "captures" / "rig")
+    port = free_port()
+    told: list[dict[str, Any]] = []
+
+    def follow() -> None:
+        with Lightwell(f"http://127.0.0.1:{port}", timeout=60.0) as client:
+            told.extend(client.events(job))
+
+    with (
+        running_server(tmp_path, server={"port": port}, jobs={"embedded": False}) as url,
+        Lightwell(url, timeout=60.0) as client,
+    ):
+        job = client.submit("ilf-grid", {"capture": "captures/rig", **SMALL}).id
+        following = threading.Thread(target=follow)
+        following.start()
+        time.sleep(1)
+    time.sleep(1)
+    with running_server(tmp_path, server={"port": port}, jobs={"embedded": False}), executor(tmp_path):
+        following.join(60)
+    assert told[-1]["type"] == "end"
+    assert told[-1]["job"]["state"] == "succeeded"
 
 
 def test_repeated_keys(client: Lightwell, http: httpx.Client) -> None:

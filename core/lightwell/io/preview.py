@@ -17,7 +17,8 @@ GAP = 8
 def irradiance_slice(grid: Grid, axis: int, index: int, normal: tuple[float, float, float]) -> NDArray[np.float64]:
     """Return the irradiance on surfaces with ``normal`` in a slice across ``axis`` (0 … 2: x, y, z), ``(v, u, 3)``."""
     bands = min(grid.bands, 5)
-    unit = np.array(normal) / np.linalg.norm(normal)
+    scaled = np.array(normal) / np.abs(normal).max()  # whose square neither overflows nor vanishes
+    unit = scaled / np.linalg.norm(scaled)
     lobe = zonal_to_coefficients(lambert_zonal(bands), unit)
     part = np.take(grid.coefficients[..., : bands * bands, :], index, axis=2 - axis)
     return np.asarray(np.einsum("vukc,k->vuc", part, lobe))

@@ -7,9 +7,12 @@ from pathlib import Path
 
 from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
+from starlette.datastructures import Headers
+from starlette.responses import MalformedRangeHeader, RangeNotSatisfiable
+from starlette.types import Receive, Scope, Send
 
 from lightwell_server.artifacts import ArtifactNotFoundError, find_artifact, find_file
-from lightwell_server.problems import Problem
+from lightwell_server.problems import Problem, respond
 from lightwell_server.routes.access import READ, problems
 from lightwell_server.services import services
 
@@ -18,13 +21,38 @@ router = APIRouter(tags=["artifacts"])
 
 def _send(place: Path, sha256: str, media_type: str, request: Request) -> Response:
     etag = f'"{sha256}"'
-    if etag in request.headers.get("If-None-Match", ""):
+    known = request.headers.get("If-None-Match", "")
+    if etag in known or known.strip() == "*":
         return Response(status_code=304, headers={"ETag": etag})
-    if not place.is_file():
-        raise Problem(404, "no-such-artifact", f"the file of {request.url.path} has been deleted")
-    # Results never change: whoever has one may keep it.
-    headers = {"ETag": etag, "Cache-Control": "public, max-age=31536000, immutable"}
-    return FileResponse(place, media_type=media_type, headers=headers)
+    try:
+        found = place.stat()
+    except FileNotFoundError:
+        raise Problem(404, "no-such-artifact", f"the file of {request.url.path} has been deleted") from None
+    # Whoever has one may keep it, but asks first: a deleted job's idempotency key may make another of its name.
+    headers = {"ETag": etag, "Cache-Control": "private, no-cache"}
+    return _File(place, media_type=media_type, headers=headers, stat_result=found)
+
+
+class _File(FileResponse):
+    """Answers as RFC 9110 §14 wants: a Range that is none is left out, one beyond the end is a problem."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        assert self.stat_result is not None
+        size = self.stat_result.st_size
+        headers = Headers(scope=scope)
+        asked, condition = headers.get("range"), headers.get("if-range")
+        try:
+            if asked is not None and (condition is None or self._should_use_range(condition)):
+                self._parse_range_header(asked, size)
+        except MalformedRangeHeader:
+            others = [(name, value) for name, value in scope["headers"] if name != b"range"]
+            scope = {**scope, "headers": others}
+        except RangeNotSatisfiable:
+            detail = f"the file has {size} bytes, none of them in the range {asked!r}"
+            problem = Problem(416, "range", detail, headers={"Content-Range": f"bytes */{size}"})
+            await respond(problem, scope["path"])(scope, receive, send)
+            return
+        await super().__call__(scope, receive, send)
 
 
 @router.get("/artifacts/{artifact}", dependencies=READ, response_class=Response, responses=problems(404, 416))

@@ -18,7 +18,7 @@ from lightwell.io.grids import GridError, open_grid
 from lightwell.io.preview import preview_png
 from lightwell.sh.engines import convert
 from lightwell_server.artifacts import ArtifactNotFoundError, find_artifact
-from lightwell_server.problems import Problem
+from lightwell_server.problems import FieldError, Problem
 from lightwell_server.routes.access import READ, problems
 from lightwell_server.services import services
 from lightwell_workers.jobs.directory import JobDirectory
@@ -128,10 +128,10 @@ async def sample_grid(
     bands: Annotated[int | None, Query(ge=1, le=6, description="at most this many bands")] = None,
 ) -> GridSample:
     """Return the light at points: trilinear, with the half-gradient rule where the grid has gradients."""
-    points = np.array([_point(text) for text in at])
+    points = np.array([_point("at", text) for text in at])
     opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
     if gradients and convention != "lightwell":
-        raise Problem(422, "invalid-input", "gradients: are given in convention=lightwell only")
+        raise _bad("gradients", "true: are given in convention=lightwell only")
     wanted = min(bands or opened.bands, opened.bands)
     return await asyncio.to_thread(describe_samples, grid, opened, points, wanted, convention, gradients)
 
@@ -165,9 +165,9 @@ async def preview_grid(
     request: Request, grid: str, normal: Annotated[str, Query(description="x,y,z of the lit surface")] = "0,0,1"
 ) -> Response:
     """Return a PNG: the irradiance on surfaces with this normal in the grid's three middle slices."""
-    direction = _point(normal)
+    direction = _point("normal", normal)
     if not any(direction):
-        raise Problem(422, "invalid-input", "normal: must not be 0,0,0")
+        raise _bad("normal", f"{normal!r}: must not be 0,0,0")
     opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
     return Response(await asyncio.to_thread(preview_png, opened, direction), media_type="image/png")
 
@@ -177,9 +177,9 @@ async def plot_grid_slices(
     request: Request, grid: str, normal: Annotated[str, Query(description="x,y,z of the lit surface")] = "0,0,1"
 ) -> Response:
     """Return a PNG with axes and scales: irradiance on surfaces with this normal, and coverage, in three slices."""
-    direction = _point(normal)
+    direction = _point("normal", normal)
     if not any(direction):
-        raise Problem(422, "invalid-input", "normal: must not be 0,0,0")
+        raise _bad("normal", f"{normal!r}: must not be 0,0,0")
     opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
     return Response(await asyncio.to_thread(_plot, opened, direction), media_type="image/png")
 
@@ -190,11 +190,15 @@ def _plot(grid: AnyGrid, normal: tuple[float, float, float]) -> bytes:
     return plot_grid(grid, normal)
 
 
-def _point(text: str) -> tuple[float, float, float]:
+def _point(field: str, text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise Problem(422, "invalid-input", f"{text!r}: must be three numbers, x,y,z") from None
+        raise _bad(field, f"{text!r}: must be three numbers, x,y,z") from None
     if not np.isfinite([x, y, z]).all():
-        raise Problem(422, "invalid-input", f"{text!r}: must be finite")
+        raise _bad(field, f"{text!r}: must be finite")
     return x, y, z
+
+
+def _bad(field: str, message: str) -> Problem:
+    return Problem(422, "invalid-input", f"{field}: {message}", errors=[FieldError(field=field, message=message)])

@@ -229,7 +229,12 @@ async def job_log(request: Request, job: str) -> JSONResponse:
 
     def read(queue: Queue) -> list[dict[str, Any]]:
         queue.get(job)
-        return [event for _, event in queue.events(job) if event.get("type") != "progress"]
+        lines: list[dict[str, Any]] = []
+        after = 0
+        while events := queue.events(job, after):
+            after = events[-1][0]
+            lines += [event for _, event in events if event.get("type") != "progress"]
+        return lines
 
     return JSONResponse(await services(request).jobs.call(read))
 
@@ -264,6 +269,8 @@ async def _follow(parts: Services, job: str, after: int) -> AsyncIterator[str]:
             after = number
             yield f"id: {number}\nevent: {event['type']}\ndata: {json.dumps(event)}\n\n"
         idle = 0 if events else idle + 1
+        if state in FINISHED and events:
+            continue  # there may be more than are read at once
         if state in FINISHED:
             final = _document(await parts.jobs.call(lambda queue: queue.get(job)))
             yield f"id: {after}\nevent: end\ndata: {final.model_dump_json()}\n\n"
