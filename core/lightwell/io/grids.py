@@ -58,6 +58,7 @@ def write_grid(path: Path, grid: Grid, precision: Precision = "float32") -> None
     if grid.samples is not None:
         arrays["samples"] = (grid.samples, grid.samples.shape)
     if grid.gradients is not None:
+        require_storable(path, grid.gradients, precision, "gradients")
         arrays["gradients"] = (grid.gradients.astype(precision), _chunks(grid.gradients.shape))
     attributes = {**common_attributes(grid), "format": FORMAT, "gpu_tiles_scale": scale}
     write_group(path, attributes, arrays)
@@ -86,8 +87,9 @@ def open_grid(path: Path) -> AnyGrid:
         adaptive = form == ADAPTIVE_FORMAT
         names = ADAPTIVE_NAMES if adaptive else ("coefficients", "coverage", "samples", "gradients")
         arrays = {name: np.asarray(group[name][...]) for name in names if name in group}  # type: ignore[index]
-        if "coefficients" not in arrays or not np.isfinite(arrays["coefficients"]).all():
-            raise GridError(f"{path}: coefficients are missing or not finite; make the grid anew")
+        for name in ("coefficients", *arrays):
+            if name not in arrays or (arrays[name].dtype.kind == "f" and not np.isfinite(arrays[name]).all()):
+                raise GridError(f"{path}: {name} are missing or not finite; make the grid anew")
         return adaptive_grid(path, attributes, arrays) if adaptive else _regular_grid(path, attributes, arrays)
     except (BaseZarrError, OSError, KeyError, ValueError, TypeError) as error:
         raise GridError(f"{path}: is a damaged grid: {error}; make it anew") from None

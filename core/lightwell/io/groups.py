@@ -33,14 +33,14 @@ class GridError(LightwellError):
     """A grid cannot be read or written: names the folder, what is wrong and the remedy."""
 
 
-def require_storable(path: Path, coefficients: NDArray[np.float32], precision: Precision) -> None:
-    """Raise `GridError` where coefficients are not finite, or do not fit into halves and should."""
-    if not np.isfinite(coefficients).all():
-        raise GridError(f"{path.name}: some coefficients are not finite; the capture holds samples that are not")
-    largest = float(np.abs(coefficients).max(initial=0.0))
+def require_storable(path: Path, values: NDArray[np.float32], precision: Precision, what: str = "coefficients") -> None:
+    """Raise `GridError` where coefficients or gradients are not finite, or do not fit into halves and should."""
+    if not np.isfinite(values).all():
+        raise GridError(f"{path.name}: some {what} are not finite; the capture holds samples that are not")
+    largest = float(np.abs(values).max(initial=0.0))
     if precision == "float16" and largest > LARGEST_HALF:
         raise GridError(
-            f"{path.name}: coefficients up to {largest:.4g} do not fit into float16 (65504): use precision float32, or "
+            f"{path.name}: {what} up to {largest:.4g} do not fit into float16 (65504): use precision float32, or "
             "lower the capture's gain"
         )
 
@@ -74,7 +74,15 @@ def write_group(path: Path, attributes: dict[str, Any], arrays: Mapping[str, Chu
     try:
         group = zarr.open_group(partial, mode="w", zarr_format=3, attributes=attributes)
         for name, (values, chunks) in arrays.items():
-            array = group.create_array(name, shape=values.shape, dtype=values.dtype, chunks=chunks, compressors=None)
+            # What is missing reads as NaN, so that a file that was lost is not taken for darkness.
+            array = group.create_array(
+                name,
+                shape=values.shape,
+                dtype=values.dtype,
+                chunks=chunks,
+                compressors=None,
+                fill_value=float("nan") if values.dtype.kind == "f" else 0,
+            )
             array[...] = values
         if path.exists():
             shutil.rmtree(path)

@@ -58,7 +58,7 @@ def info(
         from lightwell.io.plots import plot_grid
         from lightwell_server.cli.output import write_picture
 
-        write_picture(plot, plot_grid(regular, _vector("--normal", normal)))
+        write_picture(plot, plot_grid(regular, _direction("--normal", normal)))
     if json:
         print(json_module.dumps(summary))
         return
@@ -132,6 +132,15 @@ def _open(grid: str, server: str, token: str | None) -> AnyGrid:
     with connect(server, token) as client, tempfile.TemporaryDirectory() as folder:
         client.download(grid, Path(folder) / "grid.zarr")
         return open_grid(Path(folder) / "grid.zarr")
+
+
+def _direction(option: str, text: str) -> Any:  # noqa: ANN401
+    from lightwell.errors import LightwellError
+
+    vector = _vector(option, text)
+    if not any(vector):
+        raise LightwellError(f"{option}: {text!r}: must not be 0,0,0")
+    return vector
 
 
 def _vector(option: str, text: str) -> Any:  # noqa: ANN401

@@ -57,6 +57,11 @@ def test_half_range_is_checked(tmp_path: Path) -> None:
     bright = _grid(scale=1e6)
     with pytest.raises(GridError, match=r"do not fit into float16 .* precision float32"):
         write_grid(tmp_path / "g.zarr", bright, "float16")
+    steep = _grid(gradients=True)
+    assert steep.gradients is not None
+    steep.gradients[0, 0, 0, 0, 0, 0] = -7e4
+    with pytest.raises(GridError, match=r"gradients up to 7e\+04 do not fit into float16"):
+        write_grid(tmp_path / "g.zarr", steep, "float16")
     write_grid(tmp_path / "g.zarr", bright)
     group = zarr.open_group(tmp_path / "g.zarr", mode="r")
     tiles = np.asarray(group["gpu_tiles"][...])  # type: ignore[index]
@@ -83,6 +88,13 @@ def test_damaged_grids_are_refused(tmp_path: Path) -> None:
     chunk.write_bytes(chunk.read_bytes()[:-8])
     with pytest.raises(GridError, match="damaged"):
         open_grid(tmp_path / "g.zarr")
+    write_grid(tmp_path / "dark.zarr", _grid(scale=0))
+    assert not open_grid(tmp_path / "dark.zarr").sample([0.0, 0.0, 0.0]).coefficients.any()
+    for name in ("coefficients", "coverage"):
+        write_grid(tmp_path / "lost.zarr", _grid())
+        next(path for path in (tmp_path / "lost.zarr" / name / "c").rglob("*") if path.is_file()).unlink()
+        with pytest.raises(GridError, match=f"{name} are missing or not finite"):
+            open_grid(tmp_path / "lost.zarr")
     broken = _grid()
     broken.coefficients[0, 0, 0, 0, 0] = np.nan
     with pytest.raises(GridError, match="not finite"):

@@ -60,7 +60,7 @@ def _make_grid(field: Field, sums: FieldSums, context: JobContext) -> tuple[Grid
     report: dict[str, Any] = {
         "resolution": list(sums.spec.resolution),
         "samples_per_kernel": float(sums.samples.mean() / solid_angle),
-        "repaired_share": float(1 - sums.coverage.mean() / solid_angle),
+        "repaired_share": max(0.0, float(1 - sums.coverage.mean() / solid_angle)),
         "dark_share": sums.dark / solid_angle,
     }
     if settings.compare and field.capture.info.scene is not None:
@@ -70,7 +70,7 @@ def _make_grid(field: Field, sums: FieldSums, context: JobContext) -> tuple[Grid
     grid = Grid(
         sums.spec,
         coefficients,
-        (sums.coverage / np.float32(solid_angle)).astype(np.float32),
+        np.minimum(sums.coverage / np.float32(solid_angle), np.float32(1)),
         (sums.samples / np.float32(solid_angle)).astype(np.float32),
         central_differences(coefficients, sums.spec.voxel) if settings.gradients == "central" else None,
         {
