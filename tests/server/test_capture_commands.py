@@ -78,5 +78,11 @@ def test_mistakes_are_one_line(run: Commands, tmp_path: Path) -> None:
     assert "--sphere-distance-m: inf" in run(*simulate, "--sphere-distance-m", "inf", status=1)
     assert "--sphere-radius-m: nan" in run(*simulate, "--sphere-radius-m", "nan", status=1)
     run(*simulate)
+    reduce = ("capture", "reduce", tmp_path / "rig", "--out", tmp_path / "less")
+    assert "--tolerance: input should be less than 2, not 5.0" in run(*reduce, "--tolerance", 5, status=1)
+    assert "--max-distance-m: input should be greater than 0" in run(*reduce, "--max-distance-m", -1, status=1)
+    run("capture", "simulate", tmp_path / "sorted", "--probes", 2, "--size", 12, "--samples", 1, "--angular")
+    of_sorted = ("capture", "reduce", tmp_path / "sorted", "--out", tmp_path / "less")
+    assert "is in angular order" in run(*of_sorted, status=1)
     nowhere = tmp_path / "no" / "positions.png"
     assert f"{nowhere}: cannot be written" in run("capture", "info", tmp_path / "rig", "--plot", nowhere, status=1)

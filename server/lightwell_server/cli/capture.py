@@ -18,7 +18,9 @@ from lightwell_server.cli.connection import JSON
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+    from pydantic import ValidationError
 
+    from lightwell.errors import LightwellError
     from lightwell.io.captures import Capture
 
 capture_commands = typer.Typer(help="Sequences of tracked light probes.", no_args_is_help=True)
@@ -121,7 +123,6 @@ def import_frames(
     """Make a capture from a folder of EXR frames and the poses of a tracker."""
     from pydantic import ValidationError
 
-    from lightwell.errors import LightwellError
     from lightwell.io.importing import ImportSettings, import_capture
     from lightwell.settings import MappingSettings
     from lightwell_server.cli.grid import _vector
@@ -137,9 +138,7 @@ def import_frames(
             disc=None if disc is None else _vector("--disc", disc),
         )
     except ValidationError as error:
-        first = error.errors()[0]
-        option = "--" + str(first["loc"][0]).replace("_", "-")
-        raise LightwellError(f"{option}: {first['msg'].lower()}, not {first['input']}") from None
+        raise _wrong_option(error) from None
     tum = format == "tum" or (format == "auto" and poses.suffix.lower() != ".csv")
     plan = ImportSettings(
         settings,
@@ -155,6 +154,15 @@ def import_frames(
     with _bar("importing") as report:
         count = import_capture(frames, poses, out, plan, report)
     _tell(out, count, f"{count} probes", json)
+
+
+def _wrong_option(error: ValidationError) -> LightwellError:
+    """Return what is wrong with a setting, by the name of its option."""
+    from lightwell.errors import LightwellError
+
+    first = error.errors()[0]
+    option = "--" + str(first["loc"][0]).replace("_", "-")
+    return LightwellError(f"{option}: {first['msg'].lower()}, not {first['input']}")
 
 
 @capture_commands.command("info")
@@ -253,15 +261,20 @@ def reduce(
     json: bool = JSON,
 ) -> None:
     """Drop the probes that look like their neighbours (the job `capture-reduce` does the same)."""
+    from pydantic import ValidationError
+
     from lightwell.errors import LightwellError
     from lightwell.io.captures import open_capture
     from lightwell.job_settings import CaptureReduceSettings
-    from lightwell_workers.jobs.capture_reduce import reduce_capture, write_reduced
+    from lightwell_workers.jobs.capture_reduce import reduce_capture, require_frames, write_reduced
 
     if out.exists():
         raise LightwellError(f"{out}: exists; give another folder with --out")
-    capture = open_capture(directory)
-    settings = CaptureReduceSettings(capture=str(directory), tolerance=tolerance, max_distance_m=max_distance_m)
+    try:
+        settings = CaptureReduceSettings(capture=str(directory), tolerance=tolerance, max_distance_m=max_distance_m)
+    except ValidationError as error:
+        raise _wrong_option(error) from None
+    capture = require_frames(open_capture(directory))
     with _bar("comparing") as report:
         decisions = reduce_capture(capture, settings, 0, capture.count, None, report)
     summary = write_reduced(capture, decisions, out)

@@ -38,7 +38,7 @@ class CaptureReduce:
 
     def estimate(self, settings: CaptureReduceSettings) -> Estimate:
         """Return what the job needs; raises `LightwellError` where the capture cannot be used."""
-        capture = open_capture(Path(settings.capture))
+        capture = require_frames(open_capture(Path(settings.capture)))
         pixels = capture.info.width * capture.info.height
         return Estimate(
             seconds=capture.count * FRAME_SECONDS * pixels / 62_500,
@@ -48,9 +48,7 @@ class CaptureReduce:
 
     def prepare(self, settings: CaptureReduceSettings, context: JobContext) -> None:
         """Check the capture."""
-        capture = open_capture(Path(settings.capture))
-        if capture.sorted_samples is not None:
-            raise JobError(f"{capture.directory}: is in angular order and has no frames to compare")
+        capture = require_frames(open_capture(Path(settings.capture)))
         context.log("prepared", probes=capture.count)
 
     def steps(self, settings: CaptureReduceSettings, context: JobContext) -> list[Step]:
@@ -61,6 +59,13 @@ class CaptureReduce:
             for first in range(0, total, FRAMES_A_STEP)
         ]
         return [*compare, Step("write", partial(_write, settings))]
+
+
+def require_frames(capture: Capture) -> Capture:
+    """Return a capture that can be thinned out; raises `JobError` where it is in angular order."""
+    if capture.sorted_samples is not None:
+        raise JobError(f"{capture.directory}: is in angular order and has no frames to compare")
+    return capture
 
 
 def default_distance(positions: Floats) -> float:
