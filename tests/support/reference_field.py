@@ -50,3 +50,64 @@ def field_of(spec: GridSpec, points: Floats, direction: Floats, radiance: Floats
             value = regress(node.reshape(-1, 3), points, direction, radiance, kernel)[0].reshape(out.shape)
             out += np.where(weight[..., None] > 1e-9, weight[..., None] * value, 0)
     return out
+
+
+def fill_by_mipmap(values: Floats, valid: NDArray[np.bool_]) -> Floats:
+    """Return ``values`` ``(Z, Y, X, C)`` with the cells filled that are not ``valid`` (paper 000 §3.3; MATHS §6).
+
+    The cells of a level are the means of the valid ones among the eight below. An empty cell takes the trilinear mix,
+    over what is valid, of the finest level that has any valid cell next to its centre.
+    """
+    level = [np.where(valid[..., None], values, np.nan)]
+    while max(level[-1].shape[:3]) > 1:
+        below = level[-1]
+        above = np.full((*(-(-size // 2) for size in below.shape[:3]), below.shape[3]), np.nan)
+        for z, y, x in np.ndindex(above.shape[:3]):
+            children = below[2 * z : 2 * z + 2, 2 * y : 2 * y + 2, 2 * x : 2 * x + 2].reshape(-1, below.shape[3])
+            known = children[~np.isnan(children[:, 0])]
+            if len(known):
+                above[z, y, x] = known.mean(axis=0)
+        level.append(above)
+    out = values.astype(np.float64)
+    for cell in np.argwhere(~valid):
+        for height, cells in enumerate(level[1:], 1):
+            # Cell i of level k covers the cells i 2^k … (i + 1) 2^k − 1, so that its centre is (i + ½) 2^k.
+            at = np.clip((cell + 0.5) / 2**height - 0.5, 0, np.array(cells.shape[:3]) - 1)
+            total, weight = np.zeros(values.shape[3]), 0.0
+            for corner in np.ndindex(2, 2, 2):
+                place = np.floor(at).astype(int) + corner
+                w = float(np.prod(1 - np.abs(at - place)))
+                if w > 0 and not np.isnan(cells[tuple(place)][0]):
+                    total, weight = total + w * cells[tuple(place)], weight + w
+            if weight > 0:
+                out[tuple(cell)] = total / weight
+                break
+    return out
+
+
+def slopes_of(
+    places: Floats, points: Floats, direction: Floats, radiance: Floats, kernel: Kernel, prior: Floats, ridge: float
+) -> Floats:
+    """Return the slopes ``(n, 3, 2)`` per cell, at ``places`` ``(n, 3)`` in cells, of ridge regression towards ``prior``.
+
+    Minimises ``Σ w (L − α − β·d)² + λ |β − β₀|²`` with ``λ = ridge σ² (1 + Σ w)``; d is a sample's place in the plane's
+    coordinates (U, V) from the node. ``prior`` β₀ is ``(n, 3, 2)``.
+    """
+    axis = int(np.abs(direction).argmax())
+    u_axis, v_axis = {0: (1, 2), 1: (0, 2), 2: (0, 1)}[axis]
+    out = prior.copy()
+    for i, place in enumerate(places):
+        apart = points - place
+        squared = (apart**2).sum(axis=1) - (apart @ direction) ** 2
+        near = (squared <= (kernel.support_cells / 2) ** 2) & np.isfinite(radiance).all(axis=1)
+        if not near.any():
+            continue
+        weights = np.exp(-squared[near] / (2 * kernel.sigma_cells**2))
+        along = apart[near, axis] / direction[axis]
+        d = np.stack([apart[near, u_axis] - direction[u_axis] * along, apart[near, v_axis] - direction[v_axis] * along])
+        design = np.concatenate([np.ones((1, d.shape[1])), d])
+        pull = np.diag([0, 1, 1]) * ridge * kernel.sigma_cells**2 * (1 + weights.sum())
+        for channel in range(3):
+            target = design @ (weights * radiance[near, channel]) + pull @ np.array([0, *prior[i, channel]])
+            out[i, channel] = np.linalg.solve((design * weights) @ design.T + pull, target)[1:]
+    return out

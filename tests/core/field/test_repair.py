@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.reference_field import fill_by_mipmap
 
 from lightwell.field.repair import bilateral, mipmap, pull_push
 
@@ -69,6 +70,18 @@ def test_mipmap_is_exact_for_constants(share: float) -> None:
     values = np.where(valid[..., None], np.float32(2.5), np.float32(0)).repeat(3, axis=3)
     assert mipmap(values, valid)
     np.testing.assert_allclose(values, 2.5, rtol=1e-6)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 9)), st.floats(0, 1), st.integers(0, 10**6))
+def test_mipmap_is_what_the_reference_is(shape: tuple[int, int, int], share: float, seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    valid = generator.random(shape) < share
+    valid[tuple(generator.integers(size) for size in shape)] = True
+    values = np.where(valid[..., None], generator.normal(size=(*shape, 3)), 0).astype(np.float32)
+    expected = fill_by_mipmap(values.astype(np.float64), valid)
+    assert mipmap(values, valid)
+    np.testing.assert_allclose(values, expected, rtol=1e-5, atol=1e-5)
 
 
 def test_ramps_are_filled_to_a_fraction_of_a_cell() -> None:
