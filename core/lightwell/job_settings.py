@@ -7,9 +7,9 @@ The command line, ``lightwell.toml``, the REST API and the executor all use thes
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, field_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from lightwell.conventions import DEFAULT_BANDS
@@ -18,7 +18,7 @@ from lightwell.settings import Settings, Vector3, WindowSettings
 JobKind = Literal["ilf-grid", "capture-reduce"]
 JobState = Literal["queued", "running", "cancelling", "cancelled", "failed", "succeeded"]
 RepairKind = Literal["pull-push", "mipmap", "bilateral", "none"]
-GradientKind = Literal["none", "central"]
+GradientKind = Literal["none", "central", "regression"]
 Cells = Annotated[int, Field(strict=True, ge=1, le=4096)]
 Resolution = Annotated[tuple[Cells, Cells, Cells], Field(description="cells along x, y and z")]
 
@@ -68,7 +68,11 @@ class IlfGridSettings(Settings):
         " joint bilateral, or left dark (none)",
     )
     window: WindowSettings = WindowSettings()
-    gradients: GradientKind = Field("none", description="gradient of the coefficients: none, or central differences")
+    gradients: GradientKind = Field(
+        "none",
+        description="gradient of the coefficients in space: none, central differences of the grid, or local-linear"
+        " kernel regression of the samples (half the error, three times the work)",
+    )
     precision: Literal["float32", "float16"] = Field("float32", description="type of the stored coefficients")
     adaptive_tolerance: float | None = Field(
         None,
@@ -100,6 +104,13 @@ class IlfGridSettings(Settings):
             words = f"must have at most {MAX_CELLS} cells together, not {cells}"
             raise PydanticCustomError("resolutions", words)
         return value
+
+    @model_validator(mode="after")
+    def _check_gradients(self) -> Self:
+        if self.gradients == "regression" and self.repair in ("mipmap", "none"):
+            words = f"regression needs the repair pull-push or bilateral, not {self.repair}"
+            raise PydanticCustomError("gradients", words)
+        return self
 
     @field_validator("bounds")
     @classmethod

@@ -88,7 +88,7 @@ def fill_by_mipmap(values: Floats, valid: NDArray[np.bool_]) -> Floats:
 def slopes_of(
     places: Floats, points: Floats, direction: Floats, radiance: Floats, kernel: Kernel, prior: Floats, ridge: float
 ) -> Floats:
-    """Return the slopes ``(n, 3, 2)`` per cell, at ``places`` ``(n, 3)`` in cells, of ridge regression towards ``prior``.
+    """Return the slopes ``(n, 3, 2)`` per cell of ridge regression towards ``prior`` at ``places`` ``(n, 3)`` in cells.
 
     Minimises ``Σ w (L − α − β·d)² + λ |β − β₀|²`` with ``λ = ridge σ² (1 + Σ w)``; d is a sample's place in the plane's
     coordinates (U, V) from the node. ``prior`` β₀ is ``(n, 3, 2)``.

@@ -126,18 +126,50 @@ def footprint(metric, radius):  # type: ignore[no-untyped-def]
     return u[:size], v[:size], count
 
 
+@njit(cache=True, nogil=True)
+def form_of(metric, radius, sigma):  # type: ignore[no-untyped-def]
+    """Return the kernel's exponent ``a du² + b du dv + c dv²``, its largest value, and n of `weigh`; (du, dv) in nodes.
+
+    Together they are the form that `weigh` takes: (a, b, c, edge, n).
+    """
+    scale = SPACING * SPACING / (2 * sigma * sigma)
+    edge = radius * radius / (2 * sigma * sigma)
+    halvings = max(4, math.ceil(math.log2(edge / 0.3)))
+    a, b, c = metric
+    return np.float32(a * scale), np.float32(2 * b * scale), np.float32(c * scale), np.float32(edge), halvings
+
+
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
-def splat(  # type: ignore[no-untyped-def]
-    points, radiance, order, axes, slope, middle, metric, origin, radius, sigma, out
-):
+def weigh(far_u, far_v, rest_u, rest_v, form, weights):  # type: ignore[no-untyped-def]
+    """Compute the kernel's weights of a footprint's nodes, as vectors, exact to 2e-6.
+
+    ``exp(−x) = exp(−x/2ⁿ)^2ⁿ`` with a polynomial for the inner one; 0 beyond the kernel's edge. (rest_u, rest_v) is the
+    sample's place from its nearest node, in nodes.
+    """
+    a, b, c, edge, halvings = form
+    inner = np.float32(-(0.5**halvings))
+    for i in range(weights.size):
+        du, dv = far_u[i] - rest_u, far_v[i] - rest_v
+        x = a * du * du + b * du * dv + c * dv * dv
+        y = x * inner
+        w = ONE + y * (ONE + y * (HALF + y * (SIXTH + y * (P4 + y * (P5 + y * P6)))))
+        w *= w
+        w *= w
+        w *= w
+        w *= w
+        weights[i] = w if x <= edge else np.float32(0)
+    for _ in range(4, halvings):
+        for i in range(weights.size):
+            weights[i] *= weights[i]
+
+
+@njit(cache=True, nogil=True)
+def splat(points, radiance, order, axes, slope, middle, metric, origin, radius, sigma, out):  # type: ignore[no-untyped-def]
     """Add samples to a lattice ``out`` ``(V, U, 4)`` float32: ``Σ w L`` in three channels and ``Σ w`` in the fourth.
 
     ``points`` ``(P, 3)`` float64 are the samples' places in cells; sample p has the ``radiance`` ``(P, 3)`` float32 of
     row ``order[p]``, NaN for none. ``axes`` are the plane's (u, v, w). Returns the number of samples that reached the
     lattice.
-
-    The weights of a sample at all nodes of its footprint are computed as vectors: ``exp(−x) = (exp(−x/2ⁿ))^2ⁿ`` with
-    a polynomial for the inner one, exact to 2e-6.
     """
     height, width = out.shape[0], out.shape[1]
     flat = out.reshape(-1)
@@ -147,11 +179,7 @@ def splat(  # type: ignore[no-untyped-def]
     for i in range(count):
         reach_u, reach_v = max(reach_u, int(far_u[i])), max(reach_v, int(far_v[i]))
         steps[i] = CHANNELS * (int(far_v[i]) * width + int(far_u[i]))
-    scale = SPACING * SPACING / (2 * sigma * sigma)
-    a, b, c = np.float32(metric[0] * scale), np.float32(2 * metric[1] * scale), np.float32(metric[2] * scale)
-    edge = np.float32(radius * radius / (2 * sigma * sigma))
-    halvings = max(4, math.ceil(math.log2(edge / 0.3)))
-    inner = np.float32(-(0.5**halvings))
+    form = form_of(metric, radius, sigma)
     weights = np.empty(far_u.size, np.float32)
     reached = 0
     for p in range(points.shape[0]):
@@ -165,20 +193,7 @@ def splat(  # type: ignore[no-untyped-def]
         if not (-reach_u <= node_u < width + reach_u and -reach_v <= node_v < height + reach_v):
             continue
         reached += 1
-        rest_u, rest_v = np.float32(u - node_u), np.float32(v - node_v)
-        for i in range(weights.size):
-            du, dv = far_u[i] - rest_u, far_v[i] - rest_v
-            x = a * du * du + b * du * dv + c * dv * dv
-            y = x * inner
-            w = ONE + y * (ONE + y * (HALF + y * (SIXTH + y * (P4 + y * (P5 + y * P6)))))
-            w *= w
-            w *= w
-            w *= w
-            w *= w
-            weights[i] = w if x <= edge else np.float32(0)
-        for _ in range(4, halvings):
-            for i in range(weights.size):
-                weights[i] *= weights[i]
+        weigh(far_u, far_v, np.float32(u - node_u), np.float32(v - node_v), form, weights)
         if reach_u <= node_u < width - reach_u and reach_v <= node_v < height - reach_v:
             start = CHANNELS * (node_v * width + node_u)
             for i in range(count):

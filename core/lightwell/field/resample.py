@@ -27,6 +27,7 @@ from lightwell.field.plane import (
     split,
 )
 from lightwell.field.repair import bilateral, mipmap, pull_push
+from lightwell.field.slopes import MOMENTS, fit_slopes, splat_moments
 from lightwell.field.spec import Floats, GridSpec
 from lightwell.field.sums import FieldSums, layered
 from lightwell.job_settings import RepairKind
@@ -37,6 +38,8 @@ BLOCK = 128
 """Directions that are added to all cells before the next: each block reads and writes all coefficients once."""
 BLOCK_VALUES = 1 << 25
 """Values in the planes of a block; 4 bytes each."""
+VOLUME_REPAIRS: tuple[RepairKind, ...] = ("mipmap", "none")
+"""Those that look at a direction's field in all cells."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,17 @@ class Resampler:
     """
 
     def __init__(self, sums: FieldSums, positions: Floats, kernel: Kernel, repair: RepairKind = "pull-push") -> None:
-        """Prepare for probes at ``positions`` ``(P, 3)`` metres."""
+        """Prepare for probes at ``positions`` ``(P, 3)`` metres.
+
+        Where the sums have gradients, these are gathered too, by local-linear regression (`lightwell.field.slopes`).
+
+        Raises
+        ------
+        ValueError
+            Where gradients are asked for together with a repair that does not work in the plane across a direction.
+        """
+        if sums.gradients is not None and repair in VOLUME_REPAIRS:
+            raise ValueError(f"gradients by regression need repair pull-push or bilateral, not {repair}")
         self._sums = sums
         self._kernel = kernel
         self._repair = repair
@@ -65,7 +78,7 @@ class Resampler:
         # Samples that lie together in space lie together in every plane: the lattice stays in the cache.
         self._order = _space_order(centres)
         self._centres = centres[self._order]
-        self._axes: dict[int, _AxisSums] = {}
+        self._current: _AxisSums | None = None
 
     def add(
         self,
@@ -96,7 +109,7 @@ class Resampler:
         spec = self._sums.spec
         scaled = directions / spec.voxel
         scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
-        for block in _blocks(scaled, spec, self._workspace):
+        for block in _blocks(scaled, spec, self._workspace, slopes=self._sums.gradients is not None):
             check()
             chosen = block.chosen
             for k, q in enumerate(chosen):
@@ -105,21 +118,23 @@ class Resampler:
                 if not block.splat(k, points, radiance[q], self._order, self._kernel, self._repair):
                     self._sums.dark += float(weights[q])
             sums = self._sums_of(block.axis)
-            if self._repair in ("mipmap", "none"):
+            if self._repair in VOLUME_REPAIRS:
                 sums.add_volumes(block, rows[chosen], weights[chosen], self._repair)
             else:
                 sums.add(block, rows[chosen], weights[chosen])
 
     def finish(self) -> None:
         """Add what was gathered to the sums."""
-        for sums in self._axes.values():
-            sums.finish(self._sums)
-        self._axes = {}
+        if self._current is not None:
+            self._current.finish(self._sums)
+            self._current = None
 
     def _sums_of(self, axis: int) -> _AxisSums:
-        if axis not in self._axes:
-            self._axes[axis] = _AxisSums(self._sums.spec, axis, self._sums.coefficients.shape[3])
-        return self._axes[axis]
+        """Return the sums of a layer axis. Directions come axis after axis, so that only one has sums at a time."""
+        if self._current is None or self._current.axis != axis:
+            self.finish()
+            self._current = _AxisSums(self._sums, axis)
+        return self._current
 
 
 def accumulate(
@@ -162,28 +177,30 @@ class _Workspace:
         return self._arrays[name][:size]
 
 
-def _blocks(directions: Floats, spec: GridSpec, workspace: _Workspace) -> Iterator[_Block]:
+def _blocks(directions: Floats, spec: GridSpec, workspace: _Workspace, *, slopes: bool) -> Iterator[_Block]:
     """Yield the directions ``(K, 3)`` in blocks of one layer axis whose slopes along v are alike."""
     planes = [make_plane(direction, spec.resolution) for direction in directions]
     order = sorted(range(len(planes)), key=lambda q: (planes[q].axis, planes[q].slope[1], planes[q].slope[0]))
+    most = BLOCK_VALUES // (3 if slopes else 1)
     block: list[int] = []
     size = 0
     for q in order:
-        if block and (
-            len(block) == BLOCK or size + planes[q].size > BLOCK_VALUES or planes[q].axis != planes[block[0]].axis
-        ):
-            yield _Block(spec, block, [planes[k] for k in block], workspace)
+        full = len(block) == BLOCK or size + planes[q].size > most
+        if block and (full or planes[q].axis != planes[block[0]].axis):
+            yield _Block(spec, block, [planes[k] for k in block], workspace, slopes=slopes)
             block, size = [], 0
         block.append(q)
         size += planes[q].size
     if block:
-        yield _Block(spec, block, [planes[k] for k in block], workspace)
+        yield _Block(spec, block, [planes[k] for k in block], workspace, slopes=slopes)
 
 
 class _Block:
     """The planes of some directions."""
 
-    def __init__(self, spec: GridSpec, chosen: list[int], planes: list[Plane], workspace: _Workspace) -> None:
+    def __init__(
+        self, spec: GridSpec, chosen: list[int], planes: list[Plane], workspace: _Workspace, *, slopes: bool
+    ) -> None:
         self.chosen = chosen
         self.axis = planes[0].axis
         sizes = [plane.size for plane in planes]
@@ -195,6 +212,10 @@ class _Block:
             np.array([plane.slope for plane in planes]),
             planes[0].middle,
         )
+        self.slopes: list[Planes] = []
+        """Derivatives along U and along V, per cell."""
+        if slopes:
+            self.slopes = [self.planes._replace(data=workspace.take(name, sum(sizes))) for name in ("by U", "by V")]
         self._each = planes
         self._workspace = workspace
         u_axis, v_axis = AXES[self.axis]
@@ -208,31 +229,50 @@ class _Block:
         The p-th point's sample is ``radiance[order[p]]``.
         """
         plane = self._each[k]
-        lattice = self._workspace.take("lattice", plane.size).reshape(*plane.nodes, CHANNELS)
-        lattice.fill(0)
+        lattice = self._zeros("lattice", plane, CHANNELS)
         axes = (*AXES[plane.axis], plane.axis)
-        radius = kernel.support_cells / 2
         geometry = (axes, plane.slope, plane.middle, plane.metric, plane.origin)
-        found = bool(splat(points, radiance, order, *geometry, radius, kernel.sigma_cells, lattice))
+        spread = (kernel.support_cells / 2, kernel.sigma_cells)
+        found = bool(splat(points, radiance, order, *geometry, *spread, lattice))
         ranges = read_ranges(plane.nodes, plane.origin, plane.slope, self._spans, plane.middle - 0.5)
         if found and normalise(lattice, ranges):
             # Also before a repair in three dimensions: cells at the edge of a hole read some nodes within it.
             found = bilateral(lattice, ranges) if repair == "bilateral" else pull_push(lattice, ranges)
-        start = int(self.planes.starts[k])
-        colours, weights = np.split(self.planes.data[start : start + plane.size], [plane.size // CHANNELS * COLOURS])
+        self._keep(k, self.planes, lattice)
+        if self.slopes:
+            moments = self._zeros("moments", plane, MOMENTS)
+            splat_moments(points, radiance, order, *geometry, *spread, moments)
+            derivatives = [self._zeros(name, plane, CHANNELS) for name in ("along U", "along V")]
+            fit_slopes(moments, lattice, ranges, kernel.sigma_cells, *derivatives)
+            for planes, derivative in zip(self.slopes, derivatives, strict=True):
+                self._keep(k, planes, derivative)
+        return found
+
+    def _zeros(self, name: str, plane: Plane, channels: int) -> Singles:
+        lattice = self._workspace.take(name, plane.nodes[0] * plane.nodes[1] * channels)
+        lattice.fill(0)
+        return lattice.reshape(*plane.nodes, channels)
+
+    def _keep(self, k: int, planes: Planes, lattice: Singles) -> None:
+        plane = self._each[k]
+        start = int(planes.starts[k])
+        colours, weights = np.split(planes.data[start : start + plane.size], [plane.size // CHANNELS * COLOURS])
         parts = (plane.nodes[0], 2, plane.nodes[1] // 2)
         split(lattice, colours.reshape(*parts, COLOURS), weights.reshape(parts))
-        return found
 
 
 class _AxisSums:
     """Sums over the directions of one layer axis."""
 
-    def __init__(self, spec: GridSpec, axis: int, coefficients: int) -> None:
+    def __init__(self, sums: FieldSums, axis: int) -> None:
         self.axis = axis
-        shape = layered(np.empty(spec.shape, np.float32), axis).shape
-        self.coefficients = np.zeros((*shape[:2], coefficients, shape[2] * COLOURS), np.float32)
+        shape = layered(sums.coverage, axis).shape
+        self.coefficients = np.zeros((*shape[:2], sums.coefficients.shape[3], shape[2] * COLOURS), np.float32)
         """``(W, V, bands², U · 3)``."""
+        self.gradients: list[Singles] = []
+        """Derivatives along u, v and w, per cell, of the same shape; or none."""
+        if sums.gradients is not None:
+            self.gradients = [np.zeros_like(self.coefficients) for _ in range(3)]
         self.coverage = np.zeros(shape, np.float32)
         self.samples = np.zeros(shape, np.float32)
 
@@ -240,9 +280,11 @@ class _AxisSums:
         """Add the directions of a block."""
         for k, weight in enumerate(weights):
             add_coverage(block.planes, k, np.float32(weight), self.coverage, self.samples)
-        padded = np.zeros((rows.shape[1], math.ceil(len(rows) / GROUP) * GROUP), np.float32)
-        padded[:, : len(rows)] = rows.T
-        add_planes(block.planes, padded, self.coefficients)
+        add_planes(block.planes, _padded(rows), self.coefficients)
+        # U = u − s_u w and V = v − s_v w: the derivative along w follows from the other two.
+        for axis, slopes in enumerate(block.slopes):
+            add_planes(slopes, _padded(rows), self.gradients[axis])
+            add_planes(slopes, _padded(-rows * slopes.slopes[:, axis, None]), self.gradients[2])
 
     def add_volumes(self, block: _Block, rows: Floats, weights: Floats, repair: RepairKind) -> None:
         """Add the directions of a block one by one, each with its whole field: for repairs in three dimensions."""
@@ -265,5 +307,16 @@ class _AxisSums:
         layers, height, count, width = self.coefficients.shape
         gathered = self.coefficients.reshape(layers, height, count, width // COLOURS, COLOURS)
         layered(sums.coefficients, self.axis)[...] += gathered.transpose(0, 1, 3, 2, 4)
+        for axis, gradient in zip((*AXES[self.axis], self.axis), self.gradients, strict=False):
+            assert sums.gradients is not None
+            per_metre = gradient.reshape(gathered.shape) / np.float32(sums.spec.voxel[axis])
+            layered(sums.gradients, self.axis)[..., axis] += per_metre.transpose(0, 1, 3, 2, 4)
         layered(sums.coverage, self.axis)[...] += self.coverage
         layered(sums.samples, self.axis)[...] += self.samples
+
+
+def _padded(rows: Floats) -> Singles:
+    """Return rows ``(K, C)`` as `add_planes` takes them."""
+    padded = np.zeros((rows.shape[1], math.ceil(len(rows) / GROUP) * GROUP), np.float32)
+    padded[:, : len(rows)] = rows.T
+    return padded

@@ -21,7 +21,7 @@ class FieldSums:
     The full radiance of a cell is never stored (paper 000 §3.1).
     """
 
-    def __init__(self, spec: GridSpec, bands: int) -> None:
+    def __init__(self, spec: GridSpec, bands: int, *, gradients: bool = False) -> None:
         self.spec = spec
         self.bands = bands
         self.coefficients: Singles = np.zeros((*spec.shape, coefficient_count(bands), 3), np.float32)
@@ -30,30 +30,39 @@ class FieldSums:
         """``(z, y, x)``: solid angle of the directions that had a sample within the kernel, steradian."""
         self.samples: Singles = np.zeros(spec.shape, np.float32)
         """``(z, y, x)``: kernel weight gathered, integrated over directions, steradian."""
+        self.gradients: Singles | None = None
+        """``(z, y, x, bands², 3, 3)`` per metre, the last axis x, y, z; or None."""
+        if gradients:
+            self.gradients = np.zeros((*self.coefficients.shape, 3), np.float32)
         self.dark = 0.0
         """Solid angle of directions that had no sample at all, steradian."""
 
     def add(self, other: FieldSums) -> None:
-        """Add the sums of other directions; their grid and bands must be the same."""
+        """Add the sums of other directions; their grid and bands must be the same, and both have gradients or none."""
         self.coefficients += other.coefficients
+        if self.gradients is not None and other.gradients is not None:
+            self.gradients += other.gradients
         self.coverage += other.coverage
         self.samples += other.samples
         self.dark += other.dark
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return what `restore` needs."""
-        return {
+        arrays: dict[str, NDArray[np.generic]] = {
             "coefficients": self.coefficients,
             "coverage": self.coverage,
             "samples": self.samples,
             "dark": np.array(self.dark),
         }
+        if self.gradients is not None:
+            arrays["gradients"] = self.gradients
+        return arrays
 
     @classmethod
     def restore(cls, spec: GridSpec, bands: int, arrays: dict[str, NDArray[np.generic]]) -> Self:
         """Return sums from `arrays`; raises ``ValueError`` where they are of another grid."""
-        sums = cls(spec, bands)
-        for name in ("coefficients", "coverage", "samples"):
+        sums = cls(spec, bands, gradients="gradients" in arrays)
+        for name in arrays.keys() - {"dark"}:
             if arrays[name].shape != getattr(sums, name).shape:
                 raise ValueError(f"{name} has the shape {arrays[name].shape}, not {getattr(sums, name).shape}")
             setattr(sums, name, np.asarray(arrays[name], np.float32))

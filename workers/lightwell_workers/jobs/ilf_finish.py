@@ -18,7 +18,7 @@ from lightwell.io.preview import preview_png
 from lightwell.sh.window import fixed_window, laplacian_window, weakest_strength
 from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.ilf_adaptive import write_adaptive
-from lightwell_workers.jobs.ilf_compare import relative_error
+from lightwell_workers.jobs.ilf_compare import relative_error, relative_gradient_error
 from lightwell_workers.jobs.ilf_plan import Field, capture_attributes
 
 WINDOW_CELLS = 4096
@@ -66,13 +66,22 @@ def _make_grid(field: Field, sums: FieldSums, context: JobContext) -> tuple[Grid
     if settings.compare and field.capture.info.scene is not None:
         report["error_relative"] = relative_error(field, sums.spec, sums.coefficients)
     weights = _window(field, coefficients)
-    coefficients *= weights[degree_of_index(settings.bands)][:, None].astype(np.float32)
+    factors = weights[degree_of_index(settings.bands)][:, None].astype(np.float32)
+    coefficients *= factors
+    gradients = None
+    if settings.gradients == "central":
+        gradients = central_differences(coefficients, sums.spec.voxel)
+    elif sums.gradients is not None:
+        gradients = sums.gradients
+        gradients *= factors[:, None]
+    if gradients is not None and settings.compare and field.capture.info.scene is not None:
+        report["gradients_error_relative"] = relative_gradient_error(field, sums.spec, gradients, weights)
     grid = Grid(
         sums.spec,
         coefficients,
         np.minimum(sums.coverage / np.float32(solid_angle), np.float32(1)),
         (sums.samples / np.float32(solid_angle)).astype(np.float32),
-        central_differences(coefficients, sums.spec.voxel) if settings.gradients == "central" else None,
+        gradients,
         {
             **capture_attributes(field),
             "window": settings.window.kind,

@@ -111,7 +111,8 @@ def count_directions(settings: IlfGridSettings, capture: Capture) -> int:
 def direction_seconds(settings: IlfGridSettings, probes: int, cells: int) -> float:
     """Return the core time of one direction."""
     share = (8 + coefficient_count(settings.bands)) / 33
-    return probes * SAMPLE_SECONDS + cells * CELL_SECONDS * share
+    products, moments = (5, 6) if settings.gradients == "regression" else (1, 1)
+    return probes * SAMPLE_SECONDS * moments + cells * CELL_SECONDS * share * products
 
 
 def estimate(settings: IlfGridSettings) -> Estimate:

@@ -60,7 +60,8 @@ def resample_part(cancel: Path, document: str, digest: str, store: str, out: str
     settings, capture, buckets = field.settings, field.capture, field.buckets
     samples = AngularStore.open(Path(store))
     kernel = Kernel(settings.support_cells, settings.sigma_cells)
-    sums = [FieldSums(spec, settings.bands) for spec in field.specs]
+    regression = settings.gradients == "regression"
+    sums = [FieldSums(spec, settings.bands, gradients=regression) for spec in field.specs]
     turns = rotation_of(capture.poses.orientations) if field.rotating else None
     resamplers = [Resampler(one, capture.poses.positions, kernel, settings.repair) for one in sums]
     bytes_each = capture.count * 3 * 4 * (6 if field.rotating else 2)
