@@ -14,7 +14,7 @@ from lightwell.field.buckets import Buckets, make_buckets
 from lightwell.field.gather import gathered_buckets, turn_buckets
 from lightwell.field.spec import GridSpec
 from lightwell.io.captures import Capture, open_capture
-from lightwell.job_settings import IlfGridSettings
+from lightwell.job_settings import IlfGridSettings, RepairKind
 from lightwell.probe.downsample import Downsampler
 from lightwell.probe.mapping import Mapping
 from lightwell.synthetic.rig import rotation_of
@@ -27,7 +27,21 @@ CELL_SECONDS = 6e-9
 """Core time to read one cell of one direction and to add it to 25 coefficients."""
 ADAPT_SECONDS = 1e-5
 """Core time to fit a cell with 25 coefficients into an adaptive grid."""
+DIRECTION_SECONDS = 1e-4
+"""Core time of one direction whatever there is to read."""
+REPAIR_SECONDS: dict[RepairKind, tuple[float, float]] = {
+    "pull-push": (0.0, 0.25e-6),
+    "bilateral": (1e-6, 3e-6),
+    "mipmap": (0.1e-6, 0.4e-6),
+    "none": (0.08e-6, 0.0),
+}
+"""Core time of the repair of one direction, for each node and in addition for each hole. Nodes are the cells of a face
+of the grid where the plane across the direction is repaired, else those of the whole grid."""
+PROCESS_BYTES = 250 * MEGABYTE
+"""What a compute process takes before it does anything."""
 FRAME_SECONDS = 2e-3
+SORT_BYTES = 3 * 3 * 4
+"""Memory to sort one sample: three copies in floats."""
 MOST_BATCH = 512
 LEAST_PROBE_SPREAD_M = 0.01
 
@@ -108,11 +122,21 @@ def count_directions(settings: IlfGridSettings, capture: Capture) -> int:
     return max(1, round(share * width * height))
 
 
-def direction_seconds(settings: IlfGridSettings, probes: int, cells: int) -> float:
-    """Return the core time of one direction."""
+def direction_seconds(settings: IlfGridSettings, probes: int, specs: list[GridSpec]) -> float:
+    """Return the core time of one direction in all grids."""
+    return sum(_grid_seconds(settings, probes, spec.cells) for spec in specs)
+
+
+def _grid_seconds(settings: IlfGridSettings, probes: int, cells: int) -> float:
     share = (8 + coefficient_count(settings.bands)) / 33
+    face = cells ** (2 / 3)
+    # A kernel gathers 7.07 P / N² samples on the average; places without any are as rare as with random positions.
+    holes = math.exp(-7.07 * probes / face)
+    nodes = face if settings.repair in ("pull-push", "bilateral") else cells
+    each, hole = REPAIR_SECONDS[settings.repair]
+    repair = DIRECTION_SECONDS + nodes * (each + holes * hole)
     products, moments = (5, 6) if settings.gradients == "regression" else (1, 1)
-    return probes * SAMPLE_SECONDS * moments + cells * CELL_SECONDS * share * products
+    return repair + probes * SAMPLE_SECONDS * moments + cells * CELL_SECONDS * share * products
 
 
 def estimate(settings: IlfGridSettings) -> Estimate:
@@ -121,7 +145,7 @@ def estimate(settings: IlfGridSettings) -> Estimate:
     specs = grid_specs(settings, capture)
     cells = sum(spec.cells for spec in specs)
     directions = count_directions(settings, capture)
-    seconds = directions * direction_seconds(settings, capture.count, cells)
+    seconds = directions * direction_seconds(settings, capture.count, specs)
     seconds += 0 if capture.sorted_samples else capture.count * FRAME_SECONDS * directions / 49_000
     grid_bytes = cells * coefficient_count(settings.bands) * 3 * 4
     many = 1 if settings.gradients == "none" else 4
@@ -132,7 +156,9 @@ def estimate(settings: IlfGridSettings) -> Estimate:
     return Estimate(
         seconds=seconds,
         # Bricks with nodes of their own take up to twice the grid; sums and the atlas as much again.
-        memory_bytes=(3 * many + 5 * adaptive) * grid_bytes + settings.memory_mb * MEGABYTE,
+        memory_bytes=PROCESS_BYTES
+        + (3 * many + 5 * adaptive) * grid_bytes
+        + min(settings.memory_mb * MEGABYTE, SORT_BYTES * directions * capture.count),
         disk_bytes=(0 if capture.sorted_samples else sorted_bytes) + (8 * many + 3 * adaptive) * grid_bytes,
     )
 
@@ -142,9 +168,9 @@ def make_plan(field: Field, processes: int) -> Plan:
     settings, probes, directions = field.settings, field.capture.count, field.directions
     batches: list[Part] = []
     if field.capture.sorted_samples is None:
-        fitting = settings.memory_mb * MEGABYTE // (directions * 3 * 4 * 3)
+        fitting = settings.memory_mb * MEGABYTE // (directions * SORT_BYTES)
         batches = _ranges(probes, max(1, min(MOST_BATCH, fitting)))
-    cost = direction_seconds(settings, probes, sum(spec.cells for spec in field.specs))
+    cost = direction_seconds(settings, probes, field.specs)
     parts = _ranges(directions, max(64, min(16384, round(settings.checkpoint_seconds / cost / 64) * 64)))
     return Plan(batches, parts, processes, field.capture.digest)
 
