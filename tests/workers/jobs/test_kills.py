@@ -30,7 +30,8 @@ def _settings(capture: Path, index: int) -> dict[str, Any]:
         "capture": str(capture),
         "resolutions": 20 + index,
         "memory_mb": 64,
-        "gradients": "central",
+        "gradients": ("central", "regression")[index % 2],
+        "adaptive_tolerance": 0.1,
         "checkpoint_seconds": 0.2,
     }
 
