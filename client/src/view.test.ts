@@ -4,16 +4,27 @@ import { DEFAULT_VIEW, formatView, parseView, type View } from "./view.ts";
 
 const CHANGED: View = {
   stream: "room & board",
+  light: "both",
+  grid: "0b5c1e-7.grid-16x16x16",
+  object: "0b5c1e-8",
+  at: [0.25, -1.5, 2],
+  gizmo: true,
+  sliceAxis: "x",
+  slice: 0.125,
+  probes: false,
+  sampling: "fragment",
   ev: -1.25,
   camera: [1.5, -4.25, 2, 0, 0.125, 0.6],
   colour: "#aa3366",
   gloss: 0.75,
   exponent: 12.5,
+  mirror: 0.4,
   shadows: false,
   bands: 3,
   backdrop: "harmonics",
   arrow: true,
   panel: false,
+  tab: "jobs",
   hud: false,
   theme: "light",
 };
@@ -30,6 +41,8 @@ describe("the view in the address", () => {
 
   it("keeps the default where the address makes no sense", () => {
     const hash = "#ev=bright&camera=1,2&colour=red&gloss=7&bands=9&backdrop=sky&shadows=maybe&exponent=&other=1";
+    const objects = "#object=../x&grid=a/b&at=1,,2&light=sun&slice=2&sliceAxis=w&sampling=no&mirror=-1&tab=none";
+    expect(parseView(objects)).toEqual(DEFAULT_VIEW);
     expect(parseView(hash)).toEqual(DEFAULT_VIEW);
   });
 });

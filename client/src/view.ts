@@ -6,10 +6,34 @@ import { PAGE_BANDS } from "./sh.ts";
 
 export type BackdropMode = "picture" | "harmonics" | "off";
 export type Theme = "auto" | "dark" | "light";
+/** Where the light comes from: `both` is the grid's, modulated by the stream's. */
+export type LightSource = "stream" | "grid" | "both";
+export type Axis = "x" | "y" | "z";
+/** Where a grid's light is looked up. */
+export type Sampling = "vertex" | "fragment";
+/** The objects that come with the page; any other name is a transfer job. */
+export const OWN_OBJECTS = ["stilllife", "bunny", "sphere"] as const;
+export const TABS = ["view", "objects", "streams", "jobs", "captures", "grids"] as const;
+export type Tab = (typeof TABS)[number];
 
 export interface View {
   /** `null`: the page picks one. */
   stream: string | null;
+  light: LightSource;
+  /** The grid's id, such as `JOB.grid`. */
+  grid: string | null;
+  /** One of `OWN_OBJECTS`, or the id of a transfer job. */
+  object: string;
+  /** Where the object stands in the grid, world metres; `null`: the grid's middle. */
+  at: readonly number[] | null;
+  /** Whether handles are shown that move the object. */
+  gizmo: boolean;
+  /** Axis that the shown slice of the grid lies across, and where, 0 … 1. */
+  sliceAxis: Axis;
+  slice: number;
+  /** Whether sample spheres stand on the slice. */
+  probes: boolean;
+  sampling: Sampling;
   /** Exposure in EV; `null`: metered, following the light slowly. */
   ev: number | null;
   /** Camera position and target, world metres; `null`: the framed start. */
@@ -17,28 +41,42 @@ export interface View {
   colour: string;
   gloss: number;
   exponent: number;
+  /** Weight of the mirrored backdrop, 0 … 1 (equation 15 of paper 003). */
+  mirror: number;
   shadows: boolean;
   bands: number;
   backdrop: BackdropMode;
   arrow: boolean;
   /** `null`: open where the window is wide. */
   panel: boolean | null;
+  tab: Tab;
   hud: boolean;
   theme: Theme;
 }
 
 export const DEFAULT_VIEW: View = {
   stream: null,
+  light: "stream",
+  grid: null,
+  object: "stilllife",
+  at: null,
+  gizmo: false,
+  sliceAxis: "z",
+  slice: 0.5,
+  probes: true,
+  sampling: "vertex",
   ev: null,
   camera: null,
   colour: "#d8d2c8",
   gloss: 0.15,
   exponent: 12,
+  mirror: 0,
   shadows: true,
   bands: PAGE_BANDS,
   backdrop: "picture",
   arrow: false,
   panel: null,
+  tab: "view",
   hud: true,
   theme: "auto",
 };
@@ -65,26 +103,44 @@ const colour: Codec<string> = {
   read: (value) => (/^[0-9a-f]{6}$/.test(value) ? `#${value}` : undefined),
   write: (value) => value.slice(1),
 };
-const camera: Codec<readonly number[]> = {
+const numbers = (count: number): Codec<readonly number[]> => ({
   read: (value) => {
-    const numbers = value.split(",").map(Number);
-    return numbers.length === 6 && numbers.every((item) => Number.isFinite(item)) ? numbers : undefined;
+    const parts = value.split(",");
+    const read = parts.map(Number);
+    const sound = read.length === count && parts.every((part) => part !== "") && read.every(Number.isFinite);
+    return sound ? read : undefined;
   },
   write: (value) => value.map((item) => Number(item.toFixed(3))).join(","),
+});
+/** An id of the server: what no id can be is not asked for. */
+const id: Codec<string> = {
+  read: (value) => (/^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$/.test(value) ? value : undefined),
+  write: (value) => value,
 };
 
 const CODECS: { [Key in keyof View]: Codec<NonNullable<View[Key]>> } = {
   stream: text,
+  light: choice("stream", "grid", "both"),
+  grid: id,
+  object: id,
+  at: numbers(3),
+  gizmo: flag,
+  sliceAxis: choice("x", "y", "z"),
+  slice: number(0, 1, 3),
+  probes: flag,
+  sampling: choice("vertex", "fragment"),
   ev: number(EV_RANGE.min, EV_RANGE.max, 2),
-  camera,
+  camera: numbers(6),
   colour,
   gloss: number(0, 1, 2),
   exponent: number(EXPONENT_RANGE.min, EXPONENT_RANGE.max, 1),
+  mirror: number(0, 1, 2),
   shadows: flag,
   bands: { read: (value) => (/^[1-5]$/.test(value) ? Number(value) : undefined), write: String },
   backdrop: choice("picture", "harmonics", "off"),
   arrow: flag,
   panel: flag,
+  tab: choice(...TABS),
   hud: flag,
   theme: choice("auto", "dark", "light"),
 };
