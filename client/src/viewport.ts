@@ -17,6 +17,8 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import { Surroundings } from "./backdrop.ts";
 import { nowMs } from "./clock.ts";
+import { NO_GRID, type GridInfo, type GridState } from "./grid/info.ts";
+import type { Modulation } from "./grid/modulate.ts";
 import type { Light, LiveStream } from "./live.ts";
 import { LightUniforms, litMaterial } from "./materials.ts";
 import { Rate } from "./rate.ts";
@@ -49,8 +51,12 @@ export class Viewport {
   meteredEv = 0;
   private meteredMs = 0;
   paused = false;
-  /** The light on the objects: the newest, unless paused. */
+  /** The light on the objects: the newest, unless paused or held. */
   shown: Light | null = null;
+  /** How far the grid that was asked for has come. */
+  gridState: GridState = NO_GRID;
+  /** How the live light changes the grid's; `null` where only one of them is shown. */
+  modulation: Modulation | null = null;
 
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
@@ -72,6 +78,8 @@ export class Viewport {
   /** The user has dragged, and the motion has not come to rest. */
   private moved = false;
   private appliedCamera: View["camera"] = null;
+  /** Light of the past that is shown instead of the newest. */
+  private held: Light | null = null;
 
   /** Raises `Error` where the browser has no WebGL 2. */
   constructor(
@@ -120,8 +128,27 @@ export class Viewport {
   /** Forget another stream's light. */
   clear(): void {
     this.shown = null;
+    this.held = null;
     this.surroundings.clear();
     this.dirty = true;
+  }
+
+  /** Hold this light, one of the last seconds; `null`: follow the newest again. */
+  setTime(light: Light | null): void {
+    this.held = light;
+  }
+
+  /** Load a grid and light the objects with it; `null` takes it away. Raises `Error` with the reason in words. */
+  showGrid(id: string): Promise<GridInfo>;
+  showGrid(id: null): Promise<null>;
+  showGrid(id: string | null): Promise<GridInfo | null>;
+  showGrid(id: string | null): Promise<GridInfo | null> {
+    return id === null ? Promise.resolve(null) : Promise.reject(new Error("not yet"));
+  }
+
+  /** Show the meshes of a finished transfer job. Raises `Error` with the reason in words. */
+  showTransfer(_jobId: string): Promise<void> {
+    return Promise.reject(new Error("not yet"));
   }
 
   cover(covered: Covered): void {
@@ -171,8 +198,8 @@ export class Viewport {
   }
 
   private update(): void {
-    const newest = this.live.light;
-    if (!this.paused && newest !== this.shown) {
+    const newest = this.held ?? this.live.light;
+    if ((!this.paused || this.held !== null) && newest !== this.shown) {
       if (newest !== null) this.meter(newest);
       this.shown = newest;
       this.applyLight(view.peek());
