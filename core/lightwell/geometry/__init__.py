@@ -1,0 +1,1 @@
+"""Triangle meshes and the rays that meet them. No input or output here."""

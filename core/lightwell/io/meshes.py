@@ -1,0 +1,269 @@
+"""Reading triangle meshes: glTF and GLB, PLY, OBJ."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from PIL import Image
+from trimesh.resolvers import Resolver
+
+from lightwell.errors import LightwellError
+from lightwell.geometry.mesh import DEFAULT_ALBEDO, Mesh, make_mesh
+from lightwell.io.files import require_file
+from lightwell.io.gltf_check import GltfError, check_document, document_of_glb, parse_document
+
+UpAxis = Literal["y", "z"]
+MESH_SUFFIXES = (".glb", ".gltf", ".ply", ".obj")
+MAX_FILE_BYTES = 1 << 30
+MAX_TRIANGLES = 5_000_000
+MAX_TEXTURE_PIXELS = 1 << 26
+
+_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+"""Turns (x, y, z) with +Y up into world axes: (x, −z, y)."""
+
+
+class MeshError(LightwellError):
+    """A mesh cannot be used: names the file, what is wrong and what would help."""
+
+
+def load_meshes(path: str | Path, up: UpAxis = "y", max_triangles: int = MAX_TRIANGLES) -> list[Mesh]:
+    """Read the objects of a file, in world axes (+Z up), each placed where its nodes put it.
+
+    Files that a glTF or OBJ file names (buffers, materials, pictures) are read from its folder and those below it.
+
+    Parameters
+    ----------
+    path
+        ``.glb``, ``.gltf``, ``.ply`` or ``.obj``.
+    up
+        Which axis of the file points up. glTF says +Y, and so do most OBJ files and scans; ``z`` leaves the axes alone.
+    max_triangles
+        Of all objects together.
+
+    Returns
+    -------
+    At least one mesh with triangles. Albedo is the material's base colour, times its picture, times the colours of the
+    vertices, as far as the file has them (colours of vertices are linear in glTF, sRGB elsewhere).
+
+    Raises
+    ------
+    MeshError
+        Whatever is wrong: missing, no mesh file, damaged, no triangles, a position that is not finite, too large.
+    """
+    path = Path(path)
+    require_file(path)
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise MeshError(f"{path.name}: has {size >> 20} MiB; at most {MAX_FILE_BYTES >> 20} are read: simplify it")
+        data = path.read_bytes()
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read: {error.strerror}") from None
+    return read_meshes(data, path.name, up, max_triangles, path.parent)
+
+
+def read_meshes(
+    data: bytes, name: str, up: UpAxis = "y", max_triangles: int = MAX_TRIANGLES, folder: Path | None = None
+) -> list[Mesh]:
+    """Read the objects of a file's bytes; the type follows from ``name``. `load_meshes` says the rest.
+
+    ``folder`` is where further files may be read from; without it the file must hold everything itself.
+    """
+    suffix = PurePosixPath(name).suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        raise MeshError(f"{name}: has the type {suffix or '(none)'}; meshes are read from {', '.join(MESH_SUFFIXES)}")
+    if not data:
+        raise MeshError(f"{name}: is empty")
+    try:
+        if suffix in (".glb", ".gltf"):
+            check_document(document_of_glb(data) if suffix == ".glb" else parse_document(data), max_triangles)
+        elif suffix == ".ply":
+            _check_ply(data, max_triangles)
+        scene = trimesh.load_scene(
+            io.BytesIO(data), file_type=suffix[1:], resolver=_Beside(folder, name), process=False
+        )
+        meshes = _objects(scene, name, up, linear=suffix in (".glb", ".gltf"), max_triangles=max_triangles)
+    except (MeshError, MemoryError):
+        raise
+    except (GltfError, _MissingFileError) as error:
+        raise MeshError(f"{name}: {error}") from None
+    except Exception as error:
+        # trimesh reports damage as whatever exception came of it.
+        text = str(error).strip().splitlines()
+        reason = text[0][:200] if text else "no reason given"
+        raise MeshError(f"{name}: cannot be read ({type(error).__name__}: {reason}); export it again") from None
+    if not any(len(mesh.triangles) for mesh in meshes):
+        raise MeshError(f"{name}: holds no triangles; export it as a triangle mesh, not as points or lines")
+    return meshes
+
+
+class _MissingFileError(Exception):
+    """A file that is named cannot be had."""
+
+
+class _Beside(Resolver):
+    """Finds the files that a mesh names in its own folder, and nothing outside it."""
+
+    def __init__(self, folder: Path | None, name: str) -> None:
+        self._folder = folder
+        self.file_name = PurePosixPath(name).stem
+
+    def get(self, key: str) -> bytes:
+        if self._folder is None:
+            raise _MissingFileError(
+                f"needs the file {key!r} beside it; export it as one GLB file that holds everything"
+            )
+        root = self._folder.resolve()
+        place = (root / key).resolve()
+        if not place.is_relative_to(root):
+            raise _MissingFileError(f"names the file {key!r}, which lies outside its folder; put it beside")
+        try:
+            if not place.is_file() or place.stat().st_size > MAX_FILE_BYTES:
+                raise _MissingFileError(f"names the file {key!r}, which is missing or too large; put it beside")
+            return place.read_bytes()
+        except OSError as error:
+            raise _MissingFileError(f"names the file {key!r}, which cannot be read: {error.strerror}") from None
+
+    def write(self, name: str, data: bytes) -> None:
+        raise NotImplementedError
+
+    def namespaced(self, namespace: str) -> _Beside:
+        return _Beside(self._folder and self._folder / namespace, self.file_name)
+
+    def keys(self) -> Sequence[str]:
+        return ()
+
+
+def _check_ply(data: bytes, max_triangles: int) -> None:
+    """Raise `MeshError`-worthy text where a PLY header asks for more than its file can hold."""
+    header, found, _ = data[:65536].partition(b"end_header")
+    if not data.startswith(b"ply") or not found:
+        raise GltfError("is no PLY file: it does not begin with ply … end_header")
+    for line in header.split(b"\n"):
+        words = line.split()
+        if len(words) == 3 and words[0] == b"element":
+            count = int(words[2])
+            if not 0 <= count <= min(3 * max_triangles, len(data)):
+                raise GltfError(f"says {count} of {words[1].decode(errors='replace')}; it is too large or cut short")
+            if words[1] == b"face" and count > max_triangles:
+                raise GltfError(f"has {count} triangles; at most {max_triangles} are read: simplify it")
+
+
+def _objects(scene: Any, name: str, up: UpAxis, linear: bool, max_triangles: int) -> list[Mesh]:  # noqa: ANN401
+    """Return the meshes of a trimesh scene, one for each use of a geometry, in the order of the file."""
+    turn = _Z_UP if up == "y" else np.eye(3)
+    uses = [(node, *scene.graph[node]) for node in scene.graph.nodes_geometry]
+    uses = [(matrix, key) for _, matrix, key in uses if isinstance(scene.geometry[key], trimesh.Trimesh)]
+    total = sum(len(scene.geometry[key].faces) for _, key in uses)
+    if total > max_triangles:
+        raise MeshError(f"{name}: has {total} triangles; at most {max_triangles} are read: simplify it")
+    meshes: list[Mesh] = []
+    taken: set[str] = set()
+    for matrix, key in uses:
+        geometry = scene.geometry[key]
+        if len(geometry.vertices) == 0:
+            continue
+        linear_part = turn @ np.asarray(matrix, np.float64)[:3, :3]
+        positions = np.asarray(geometry.vertices, np.float64) @ linear_part.T + turn @ np.asarray(matrix)[:3, 3]
+        title = _unique(str(key), taken)
+        try:
+            mesh = make_mesh(
+                title,
+                positions,
+                _triangles(geometry, linear_part),
+                _normals(geometry, linear_part),
+                _albedo(geometry, linear),
+            )
+        except ValueError as error:
+            raise MeshError(f"{name}: object {title!r}: {error}; repair it in a modelling program") from None
+        meshes.append(mesh)
+    return meshes
+
+
+def _unique(wanted: str, taken: set[str]) -> str:
+    title, number = wanted, 1
+    while title in taken:
+        number += 1
+        title = f"{wanted} {number}"
+    taken.add(title)
+    return title
+
+
+def _triangles(geometry: Any, placed: NDArray[np.float64]) -> NDArray[np.int64]:  # noqa: ANN401
+    """Return the corners; a mirror image runs round the other way (glTF 2.0 §3.7.4)."""
+    triangles = np.asarray(geometry.faces, np.int64)
+    return triangles[:, ::-1] if np.linalg.det(placed) < 0 else triangles
+
+
+def _normals(geometry: Any, placed: NDArray[np.float64]) -> NDArray[np.float64] | None:  # noqa: ANN401
+    """Return the file's own normals in world axes, or None where it has none."""
+    # trimesh makes normals up when asked; those that came with the file are in its cache.
+    if "vertex_normals" not in geometry._cache:
+        return None
+    normals = np.asarray(geometry.vertex_normals, np.float64)
+    # Normals go by the cofactors (det · inverse transpose), which also serve where a scale is zero.
+    cofactors = np.stack([np.cross(placed[(i + 1) % 3], placed[(i + 2) % 3]) for i in range(3)])
+    return np.asarray(normals @ cofactors.T * (-1 if np.linalg.det(placed) < 0 else 1))
+
+
+def _albedo(geometry: Any, linear: bool) -> NDArray[np.float64]:  # noqa: ANN401
+    """Return the albedo of each vertex, ``(V, 3)`` linear."""
+    count, visual = len(geometry.vertices), geometry.visual
+    albedo = np.ones((count, 3))
+    known = False
+    material = getattr(visual, "material", None)
+    if material is not None:
+        factor = getattr(material, "baseColorFactor", None)
+        if factor is None:
+            factor = getattr(material, "diffuse", None)
+        if factor is not None:
+            albedo *= _fractions(factor)[:3]
+            known = True
+        picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+        if picture is not None and visual.uv is not None and len(visual.uv) == count:
+            albedo *= _sampled(picture, np.asarray(visual.uv, np.float64))
+            known = True
+    colours = _vertex_colours(visual)
+    if colours is not None and len(colours) == count:
+        albedo *= _fractions(colours)[:, :3] if linear else _linear(_fractions(colours)[:, :3])
+        known = True
+    return albedo if known else np.full((count, 3), DEFAULT_ALBEDO)
+
+
+def _vertex_colours(visual: Any) -> NDArray[Any] | None:  # noqa: ANN401
+    if getattr(visual, "kind", None) in ("vertex", "face"):
+        return np.asarray(visual.vertex_colors)
+    extra = getattr(visual, "vertex_attributes", {}).get("color")
+    return None if extra is None else np.asarray(extra)
+
+
+def _fractions(values: Any) -> NDArray[np.float64]:  # noqa: ANN401
+    """Return colours 0 … 1 from integers of any width or from fractions."""
+    array = np.asarray(values)
+    most = float(np.iinfo(array.dtype).max) if array.dtype.kind in "iu" else 1.0
+    return array.astype(np.float64) / most
+
+
+def _linear(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return linear values of sRGB ones (IEC 61966-2-1)."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def _sampled(picture: Any, uv: NDArray[np.float64]) -> NDArray[np.float64]:  # noqa: ANN401
+    """Return a picture's linear colour at each vertex, ``(V, 3)``; it repeats outside 0 … 1, v points up."""
+    if not isinstance(picture, Image.Image):
+        return np.ones((len(uv), 3))
+    width, height = picture.size
+    if width * height > MAX_TEXTURE_PIXELS:
+        raise GltfError(f"has a picture of {width}×{height}; at most {MAX_TEXTURE_PIXELS} pixels are read: shrink it")
+    pixels = np.asarray(picture.convert("RGB"))
+    wrapped = np.nan_to_num(uv, posinf=0, neginf=0) % 1.0
+    columns = np.minimum((wrapped[:, 0] * width).astype(np.int64), width - 1)
+    rows = np.minimum(((1 - wrapped[:, 1]) % 1.0 * height).astype(np.int64), height - 1)
+    return _linear(pixels[rows, columns] / 255.0)
