@@ -2,7 +2,7 @@
 
 import { batch, effect, signal } from "@preact/signals";
 
-import { listStreams, type StreamSummary } from "./api.ts";
+import { listStreams, type StreamDescription, type StreamSummary } from "./rest.ts";
 import { nowMs } from "./clock.ts";
 import { LiveStream, type ConnectionState } from "./live.ts";
 import type { Sample } from "./rate.ts";
@@ -33,7 +33,7 @@ export interface Snapshot {
 }
 
 export const live = new LiveStream(document.baseURI);
-export const streams = signal<StreamSummary[] | null>(null);
+export const streams = signal<StreamDescription[] | null>(null);
 /** Why the list of streams cannot be had, in words. */
 export const streamsProblem = signal("");
 export const paused = signal(false);
@@ -74,7 +74,7 @@ export function preferred(candidates: readonly StreamSummary[]): string | null {
 
 async function pollStreams(): Promise<void> {
   try {
-    const list = await listStreams(document.baseURI);
+    const list = await listStreams();
     batch(() => {
       streams.value = list;
       streamsProblem.value = "";

@@ -1,0 +1,228 @@
+// The resources of the REST interface that the page uses, and their shapes. `openapi.json` describes all of them.
+
+import { ask, send } from "./api.ts";
+
+export type Json = null | boolean | number | string | Json[] | { [key: string]: Json };
+export type JsonObject = { [key: string]: Json };
+
+export interface StreamSummary {
+  name: string;
+  state: string;
+}
+
+export interface StreamDescription extends StreamSummary {
+  /** `file`: of the configuration; `api`: made here; `worker`: announced by a worker started elsewhere. */
+  origin: "file" | "api" | "worker";
+  settings: JsonObject & { source: string; enabled: boolean };
+  fps: number;
+  subscribers: number;
+  frames_received: number;
+  frames_skipped: number;
+  frames_dropped: number;
+  last_frame_age_seconds: number | null;
+  last_error: string;
+  worker: { state: string; restarts: number; last_error: string } | null;
+}
+
+const LIST_TIMEOUT_MS = 5000;
+
+export async function listStreams(): Promise<StreamDescription[]> {
+  return (await ask<{ streams: StreamDescription[] }>("streams", { timeoutMs: LIST_TIMEOUT_MS })).streams;
+}
+
+/** A stream and the ETag of its settings. */
+export async function getStream(name: string): Promise<{ stream: StreamDescription; etag: string }> {
+  const response = await send(`streams/${encodeURIComponent(name)}`);
+  return { stream: (await response.json()) as StreamDescription, etag: response.headers.get("ETag") ?? "*" };
+}
+
+export function createStream(name: string, settings: JsonObject): Promise<StreamDescription> {
+  return ask("streams", { method: "POST", body: { name, settings } });
+}
+
+/** Change what `patch` names (JSON merge patch), unless somebody else has changed the stream meanwhile. */
+export function changeStream(name: string, patch: JsonObject, etag: string): Promise<StreamDescription> {
+  return ask(`streams/${encodeURIComponent(name)}`, { method: "PATCH", body: patch, headers: { "If-Match": etag } });
+}
+
+export async function deleteStream(name: string): Promise<void> {
+  await send(`streams/${encodeURIComponent(name)}`, { method: "DELETE" });
+}
+
+export type JobState = "queued" | "running" | "cancelling" | "cancelled" | "failed" | "succeeded";
+
+export interface Progress {
+  stage: string;
+  done: number;
+  total: number;
+  /** Units of `total` a second. */
+  rate: number;
+  eta_seconds: number | null;
+}
+
+export interface Artifact {
+  id: string;
+  path: string;
+  bytes: number;
+  sha256: string;
+  media_type: string;
+}
+
+/** Times are nanoseconds since the Unix epoch. */
+export interface Job {
+  id: string;
+  kind: string;
+  state: JobState;
+  settings: JsonObject;
+  progress: Progress | null;
+  attempts: number;
+  created: number;
+  started: number | null;
+  finished: number | null;
+  artifacts: Artifact[];
+  error: string | null;
+}
+
+export interface JobKind {
+  name: string;
+  description: string;
+  settings_schema: JsonObject;
+}
+
+export interface Estimate {
+  /** Core time. */
+  seconds: number;
+  memory_bytes: number;
+  disk_bytes: number;
+  fits: boolean;
+  reason: string | null;
+}
+
+export interface JobPage {
+  jobs: Job[];
+  next: string | null;
+}
+
+export const FINISHED: readonly JobState[] = ["cancelled", "failed", "succeeded"];
+
+export function jobKinds(): Promise<JobKind[]> {
+  return ask("job-kinds");
+}
+
+export function listJobs(query: { cursor?: string; limit?: number; state?: string; kind?: string } = {}): Promise<JobPage> {
+  const parameters = Object.entries(query).map(([name, value]) => `${name}=${encodeURIComponent(String(value))}`);
+  return ask(`jobs?${parameters.join("&")}`);
+}
+
+export function getJob(id: string): Promise<Job> {
+  return ask(`jobs/${id}`);
+}
+
+export function submitJob(kind: string, settings: JsonObject): Promise<Job> {
+  return ask("jobs", { method: "POST", body: { kind, settings } });
+}
+
+export function estimateJob(kind: string, settings: JsonObject): Promise<Estimate> {
+  return ask("jobs", { method: "POST", body: { kind, settings, dry_run: true } });
+}
+
+export function cancelJob(id: string): Promise<Job> {
+  return ask(`jobs/${id}/cancel`, { method: "POST" });
+}
+
+export function retryJob(id: string): Promise<Job> {
+  return ask(`jobs/${id}/retry`, { method: "POST" });
+}
+
+export async function deleteJob(id: string): Promise<void> {
+  await send(`jobs/${id}`, { method: "DELETE" });
+}
+
+export type LogLine = { type: string; time_ns: number } & Record<string, unknown>;
+
+export function jobLog(id: string): Promise<LogLine[]> {
+  return ask(`jobs/${id}/log`);
+}
+
+export interface Capture {
+  id: string;
+  path: string;
+  valid: boolean;
+  error: string | null;
+  name: string;
+  probes: number;
+  width: number;
+  height: number;
+  mapping: string;
+  rotating: boolean;
+  sorted: boolean;
+  simulated: boolean;
+  bounds_m: [[number, number, number], [number, number, number]] | null;
+}
+
+export async function listCaptures(): Promise<Capture[]> {
+  return (await ask<{ captures: Capture[] }>("captures")).captures;
+}
+
+export function registerCapture(path: string, id: string | null): Promise<Capture> {
+  return ask("captures", { method: "POST", body: id === null ? { path } : { path, id } });
+}
+
+export async function forgetCapture(id: string): Promise<void> {
+  await send(`captures/${encodeURIComponent(id)}`, { method: "DELETE" });
+}
+
+export interface GridSummary {
+  id: string;
+  job: string;
+  path: string;
+  bytes: number;
+  sha256: string;
+}
+
+export interface GridDocument extends Omit<GridSummary, "path"> {
+  attributes: JsonObject;
+}
+
+export function listGrids(): Promise<GridSummary[]> {
+  return ask("grids");
+}
+
+export function getGrid(id: string): Promise<GridDocument> {
+  return ask(`grids/${id}`);
+}
+
+export interface PointSample {
+  at: [number, number, number];
+  /** bands² rows of [r, g, b]. */
+  coefficients: [number, number, number][];
+  coverage: number;
+}
+
+export async function sampleGrid(id: string, at: readonly number[]): Promise<PointSample> {
+  const { points } = await ask<{ points: PointSample[] }>(`grids/${id}/sample?at=${at.join(",")}`);
+  return points[0]!;
+}
+
+export interface Upload {
+  id: string;
+  kind: "mesh" | "map";
+  name: string;
+  bytes: number;
+  sha256: string;
+  vertices?: number;
+  triangles?: number;
+  width?: number;
+  height?: number;
+  /** What `POST /streams` takes as the source of a map. */
+  source?: string;
+}
+
+export async function listUploads(): Promise<Upload[]> {
+  const answer = await ask<Upload[] | { uploads: Upload[] }>("uploads");
+  return Array.isArray(answer) ? answer : answer.uploads;
+}
+
+export function getUpload(id: string): Promise<Upload> {
+  return ask(`uploads/${id}`);
+}
