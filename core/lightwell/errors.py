@@ -26,3 +26,7 @@ class SourceError(LightwellError):
 
 class MappingError(LightwellError):
     """The picture's size or the given geometry cannot belong to the mapping."""
+
+
+class RenderError(LightwellError):
+    """A picture cannot be rendered as it was asked for: names the object or the field, the value and the remedy."""

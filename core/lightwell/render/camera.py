@@ -1,0 +1,83 @@
+"""A pinhole camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.conventions import world_from_camera
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Stands at ``position``, looks at ``target``; what lies along ``up`` is at the picture's top.
+
+    Pixels are square. Pixel ``(row i, column j)`` has its centre at ``x = j + ½``, ``y = i + ½`` from the top left, and
+    ``fov_degrees`` spans the picture's height: the camera of three.js.
+    """
+
+    position: tuple[float, float, float]
+    """World metres."""
+    target: tuple[float, float, float]
+    """World metres; in the middle of the picture."""
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    fov_degrees: float = 36.0
+    """Angle from the picture's lower to its upper edge, 0 < angle < 180."""
+
+    def __post_init__(self) -> None:
+        numbers = np.array([*self.position, *self.target, *self.up, self.fov_degrees])
+        if not np.isfinite(numbers).all():
+            raise ValueError("the camera's position, target, up and fov_degrees must be finite")
+        if not 0 < self.fov_degrees < 180:
+            raise ValueError(f"the camera's fov_degrees, {self.fov_degrees}, must lie between 0 and 180")
+        if np.linalg.norm(np.subtract(self.target, self.position)) < 1e-9:
+            raise ValueError(f"the camera's target {self.target} is where the camera stands: move one of them")
+        if not np.any(self.up):
+            raise ValueError("the camera's up must have a length")
+
+    @property
+    def world_from_camera(self) -> Floats:
+        """Rotation from camera axes (x right, y up, z backwards) to world axes, ``(3, 3)``.
+
+        Where the camera looks along ``up``, the picture's top is +Y (+X where that will not do either).
+        """
+        forward = np.subtract(self.target, self.position).astype(np.float64)
+        forward /= np.linalg.norm(forward)
+        for up in (self.up, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)):
+            if np.linalg.norm(np.cross(forward, up)) > 1e-6 * np.linalg.norm(up):
+                return world_from_camera(tuple(forward), up)
+        raise AssertionError("no direction is parallel to two axes")
+
+    def directions(self, size: tuple[int, int], samples: int = 1, rows: slice | None = None) -> Floats:
+        """Return where the rays of a picture look.
+
+        Parameters
+        ----------
+        size
+            Width and height in pixels.
+        samples
+            N: a pixel has N² rays, at the centres of N × N equal parts of it; 1 is the pixel's centre.
+        rows
+            Which rows of pixels; all of them by default.
+
+        Returns
+        -------
+        ``(rows, width, N², 3)`` unit vectors, world axes.
+        """
+        width, height = size
+        first, last, _ = (rows or slice(None)).indices(height)
+        inside = (np.arange(samples) + 0.5) / samples
+        half_height = np.tan(np.radians(self.fov_degrees) / 2)
+        x = (np.arange(width)[:, None] + inside - width / 2) * 2 * half_height / height
+        y = (height / 2 - np.arange(first, last)[:, None] - inside) * 2 * half_height / height
+        rays = np.empty((last - first, width, samples, samples, 3))
+        rays[..., 0] = x[None, :, None, :]
+        rays[..., 1] = y[:, None, :, None]
+        rays[..., 2] = -1.0
+        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+        world: Floats = rays.reshape(last - first, width, samples * samples, 3) @ self.world_from_camera.T
+        return world
