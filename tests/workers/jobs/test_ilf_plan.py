@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.inline_jobs import run_inline
 from tests.support.jobs import make_capture
 
 from lightwell.job_settings import IlfGridSettings
@@ -43,3 +44,12 @@ def test_checkpoints_come_in_time_with_slow_repairs(capture: Path) -> None:
     )
     assert len(slow.parts) > len(fast.parts)
     assert slow.parts[-1].last == fast.parts[-1].last
+
+
+def test_no_error_is_told_of_a_grid_in_the_dark(tmp_path: Path) -> None:
+    """JSON has no infinity."""
+    outside = [[50.0, 50.0, 50.0], [55.0, 55.0, 55.0]]
+    dark = make_capture(tmp_path / "dark", "cube")
+    _, report = run_inline("ilf-grid", tmp_path, capture=str(dark), resolutions=2, bounds=outside, bands=2)
+    assert report["error_relative"] is None
+    assert 0.9 < report["grids"][0]["dark_share"] <= 1

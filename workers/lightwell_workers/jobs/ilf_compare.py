@@ -16,8 +16,10 @@ COMPARED_CELLS = 512
 COMPARED_GRADIENTS = 128
 
 
-def relative_error(field: Field, spec: GridSpec, coefficients: NDArray[Any], window: Floats | None = None) -> float:
-    """Return the rms error relative to the rms coefficient vector, at cells all over the grid.
+def relative_error(
+    field: Field, spec: GridSpec, coefficients: NDArray[Any], window: Floats | None = None
+) -> float | None:
+    """Return the rms error relative to the rms coefficient vector, at cells all over the grid; None where all is dark.
 
     ``coefficients`` are ``(z, y, x, bands², 3)``; where they are windowed, ``window`` ``(bands,)`` has the factors of
     the degrees, which the exact ones are given too. The capture must be simulated.
@@ -25,7 +27,8 @@ def relative_error(field: Field, spec: GridSpec, coefficients: NDArray[Any], win
     scene, chosen, places, factors = _compared(field, spec, COMPARED_CELLS, window)
     exact = scene.coefficients(places, field.settings.bands) * factors
     found = coefficients.reshape(-1, *coefficients.shape[3:])[chosen]
-    return float(np.sqrt(((found - exact) ** 2).sum() / (exact**2).sum()))
+    scale = (exact**2).sum()
+    return float(np.sqrt(((found - exact) ** 2).sum() / scale)) if scale > 0 else None
 
 
 def relative_gradient_error(field: Field, spec: GridSpec, gradients: NDArray[Any], window: Floats) -> float:
