@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 
 log = structlog.get_logger("jobs")
 
-POLL_SECONDS = 0.1
+POLL_SECONDS = 0.05
+FETCH_SECONDS = 5.0
 STOP_SECONDS = 1.5
 """Time that tasks have to notice that their job is to stop."""
 CONNECT_SECONDS = 20
@@ -113,15 +115,23 @@ class DaskCompute:
 
 
 def _wait(future: Any, check: Callable[[], None]) -> Any:  # noqa: ANN401
+    """Return a future's result; ``check`` is called often and may raise.
+
+    The result is asked for when it is there, and not with a short timeout over and over: on a busy machine such a
+    timeout can hit `distributed` while it fetches the result, which then raises ``UnboundLocalError`` (2026.8,
+    ``utils.sync``).
+    """
     from distributed import TimeoutError as DaskTimeoutError
 
     while True:
         check()
+        if not future.done():
+            time.sleep(POLL_SECONDS)
+            continue
         try:
-            return future.result(timeout=POLL_SECONDS)
+            return future.result(timeout=FETCH_SECONDS)
         except TaskCancelledError:
             check()
             raise
         except (DaskTimeoutError, FutureTimeoutError):
-            if future.done():
-                return future.result()
+            continue  # the worker that had it died; it is computed again
