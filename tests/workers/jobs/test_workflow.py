@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from filelock import FileLock, Timeout
 from tests.support.jobs import make_capture
 
 from lightwell.job_settings import IlfGridSettings, JobsSettings
@@ -78,6 +79,59 @@ def test_an_executor_that_ends_cancels_no_job(tmp_path: Path) -> None:
         run(second, index)
     assert last_state(events) == "succeeded"
     second.close()
+
+
+def test_steps_after_the_publication_change_nothing(tmp_path: Path) -> None:
+    """A kill may come between the publication and its checkpoint; the steps' plan is gone by then."""
+    capture = make_capture(tmp_path / "rig")
+    document = IlfGridSettings(capture=str(capture), resolutions=((2, 2, 2),), bands=1).model_dump(mode="json")
+    runner = Runner(JobsSettings(), tmp_path / "jobs")
+
+    def run(index: int) -> int:
+        return runner._run("inline-job", "ilf-grid", document, index, threading.Event())
+
+    steps = run(PREPARE)
+    for index in range(steps + 1):
+        run(index)
+    directory = JobDirectory(tmp_path / "jobs", "inline-job")
+    events, manifest = directory.events.read_bytes(), directory.manifest.read_bytes()
+    assert not directory.work.exists()
+    for index in (steps, 1, PREPARE):
+        run(index)
+    assert (directory.events.read_bytes(), directory.manifest.read_bytes()) == (events, manifest)
+    assert not directory.work.exists()
+    runner.close()
+
+
+def test_a_cancelled_body_keeps_its_lock_until_it_is_ended(tmp_path: Path) -> None:
+    capture = make_capture(tmp_path / "rig")
+    document = IlfGridSettings(capture=str(capture), resolutions=((2, 2, 2),), bands=1).model_dump(mode="json")
+    runner = Runner(JobsSettings(), tmp_path / "jobs")
+    directory = JobDirectory(tmp_path / "jobs", "inline-job")
+    directory.path.mkdir(parents=True)
+    directory.cancel.touch()
+    stop = threading.Event()
+    ended: list[BaseException] = []
+
+    def body() -> None:
+        try:
+            runner._run("inline-job", "ilf-grid", document, PREPARE, stop)
+        except JobCancelled as error:
+            ended.append(error)
+
+    thread = threading.Thread(target=body)
+    thread.start()
+    while last_state(directory.events) != "cancelled":
+        time.sleep(0.01)
+    with pytest.raises(Timeout), FileLock(directory.lock, timeout=0.3):
+        pass
+    assert not ended
+    stop.set()
+    thread.join(1)
+    assert ended
+    with FileLock(directory.lock, timeout=0):
+        pass
+    runner.close()
 
 
 def test_the_last_state_is_found_behind_a_torn_line(tmp_path: Path) -> None:

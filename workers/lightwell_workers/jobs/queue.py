@@ -38,6 +38,8 @@ FINISHED: tuple[JobState, ...] = ("cancelled", "failed", "succeeded")
 MILLISECOND_NS = 1_000_000
 DAY_NS = 86_400 * 10**9
 ID_LENGTH = 20
+LONGEST_STOP_SECONDS = 8.0
+STOP_POLL_SECONDS = 0.05
 
 
 class JobNotFoundError(LightwellError):
@@ -191,6 +193,12 @@ class Queue:
         directory = JobDirectory(self.root, job)
         with _reported():
             if status.status == "CANCELLED":
+                # Resumed before it has stopped, the old body would go on beside the new one.
+                deadline = time.monotonic() + LONGEST_STOP_SECONDS
+                while self._is_locked(job):
+                    if time.monotonic() > deadline:
+                        raise JobStateError(f"job {job} has not stopped yet; retry it in a moment")
+                    time.sleep(STOP_POLL_SECONDS)
                 directory.cancel.unlink(missing_ok=True)
                 self._client.resume_workflow(job, queue_name=QUEUE)
             elif state == "failed":
@@ -206,6 +214,8 @@ class Queue:
         view = self.get(job)
         if view.state not in FINISHED:
             raise JobStateError(f"job {job} is {view.state}; cancel it before it can be deleted")
+        # Without its manifest nothing that may be left of it is taken for results.
+        JobDirectory(self.root, job).manifest.unlink(missing_ok=True)
         shutil.rmtree(self.root / job, ignore_errors=True)
         with _reported():
             self._client.delete_workflow(job)

@@ -80,8 +80,7 @@ class Runner:
                     await body
                 raise
             except JobCancelled:
-                # The marker was faster than the database, which cancels this within a second; or it is stale.
-                await asyncio.sleep(STALE_MARKER_SECONDS)
+                # The database has not cancelled this meanwhile: the marker is stale.
                 JobDirectory(self._root, job).cancel.unlink(missing_ok=True)
             finally:
                 self._stops.discard(stop)
@@ -100,6 +99,9 @@ class Runner:
                         events.append("log", level="info", message="interrupted: goes on with the next executor")
                     else:
                         events.append("state", state="cancelled")
+                    # The marker is faster than the database, which ends this body within a second. Until then the lock
+                    # is kept: a retry that came first would leave this body alive beside its own.
+                    stop.wait(STALE_MARKER_SECONDS)
                     raise
                 except Exception as error:
                     failure = _explain(error, directory)
@@ -119,6 +121,12 @@ class Runner:
         stop: threading.Event,
         events: EventLog,
     ) -> int:
+        if directory.manifest.is_file():
+            # This was killed between publishing and its checkpoint, or a cancellation has missed it.
+            shutil.rmtree(directory.work, ignore_errors=True)
+            if last_state(directory.events) != "succeeded":
+                events.append("state", state="succeeded")
+            return max(index, 0)
         settings = kind.settings_type.model_validate(document)
         estimate = kind.estimate(settings)
         compute: Compute = self._inline if estimate.seconds < SMALL_SECONDS else self._dask
@@ -219,5 +227,6 @@ def _explain(error: BaseException, directory: JobDirectory) -> Exception:
     if isinstance(error, MemoryError):
         return JobError("memory ran out: lower memory_mb or the resolution, then submit the job again")
     if isinstance(error, Exception):
+        log.error("unexpected error", job=directory.id, exc_info=error)
         return JobError(f"an error in Lightwell: {type(error).__name__}: {error}")
     raise error
