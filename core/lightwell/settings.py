@@ -6,9 +6,11 @@ in ``--help``, in OpenAPI and in ``lightwell.toml``.
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import ErrorDetails
 
 from lightwell.conventions import DEFAULT_BANDS, DEFAULT_FORWARD, DEFAULT_UP, MAX_STREAM_BANDS, Units
 
@@ -119,3 +121,30 @@ class StreamSettings(Settings):
     filter: FilterSettings = FilterSettings()
     backdrop: BackdropSettings = BackdropSettings()
     enabled: bool = Field(True, description="run this stream's ingest worker beside the server")
+
+
+def complaint(item: ErrorDetails) -> str:
+    """Return what is wrong with one value, and the remedy, as ``= VALUE: what it should be``.
+
+    Values under a key that holds secrets are left out.
+    """
+    message = re.sub(r"^\w+ should", "must", item["msg"]).partition(", unable to ")[0]
+    match item["type"]:
+        case "extra_forbidden":
+            return "is no option: check its spelling"
+        case "missing" if item["loc"] and isinstance(item["loc"][-1], int):
+            return "is missing: the list has too few values"
+        case "missing":
+            return "is missing: it has no default"
+        case "string_pattern_mismatch" if item["ctx"]["pattern"] == STREAM_NAME_PATTERN:
+            remedy = "use lower-case letters, digits, - and _, at most 63, a letter or digit first"
+            return f"= {item['input']!r} is no stream name: {remedy}"
+        case "dict_type" | "model_type" | "model_attributes_type":
+            message = "must be an object, a table of keys and values"
+        case "tuple_type" | "list_type":
+            message = "must be a list"
+        case "too_long":
+            message = f"must have at most {item['ctx']['max_length']} values"
+    if any("token" in str(part) for part in item["loc"]):
+        return message
+    return f"= {item['input']!r}: {message[0].lower()}{message[1:]}"

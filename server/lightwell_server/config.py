@@ -13,7 +13,6 @@ file's stream of the same name, whole, until they are deleted through the API.
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -25,7 +24,7 @@ from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, Settings
 
 from lightwell.errors import LightwellError
 from lightwell.job_settings import JobsSettings
-from lightwell.settings import STREAM_NAME_PATTERN, Settings, StreamName, StreamSettings
+from lightwell.settings import Settings, StreamName, StreamSettings, complaint
 from lightwell_workers.ingest.log import LogFormat, LogLevel
 
 DEFAULT_FILE = Path("lightwell.toml")
@@ -189,30 +188,3 @@ def _holds(contents: object, path: Iterable[int | str]) -> bool:
             return key == "[key]"
         contents = table[key]
     return True
-
-
-def complaint(item: ErrorDetails) -> str:
-    """Return what is wrong with one value, and the remedy, as ``= VALUE: what it should be``.
-
-    Values under a key that holds secrets are left out.
-    """
-    message = re.sub(r"^\w+ should", "must", item["msg"]).partition(", unable to ")[0]
-    match item["type"]:
-        case "extra_forbidden":
-            return "is no option: check its spelling"
-        case "missing" if item["loc"] and isinstance(item["loc"][-1], int):
-            return "is missing: the list has too few values"
-        case "missing":
-            return "is missing: it has no default"
-        case "string_pattern_mismatch" if item["ctx"]["pattern"] == STREAM_NAME_PATTERN:
-            remedy = "use lower-case letters, digits, - and _, at most 63, a letter or digit first"
-            return f"= {item['input']!r} is no stream name: {remedy}"
-        case "dict_type" | "model_type" | "model_attributes_type":
-            message = "must be an object, a table of keys and values"
-        case "tuple_type" | "list_type":
-            message = "must be a list"
-        case "too_long":
-            message = f"must have at most {item['ctx']['max_length']} values"
-    if any("token" in str(part) for part in item["loc"]):
-        return message
-    return f"= {item['input']!r}: {message[0].lower()}{message[1:]}"

@@ -22,8 +22,8 @@ from starlette.routing import Match, Mount
 from lightwell.errors import LightwellError
 from lightwell.io.grids import GridError
 from lightwell.io.poses import CaptureError
+from lightwell.settings import complaint
 from lightwell_server.captures import CaptureNameError, CaptureRefusedError, CaptureTakenError, CaptureUnknownError
-from lightwell_server.config import complaint
 from lightwell_server.store import StoreError
 from lightwell_workers.jobs.database import QueueError
 from lightwell_workers.jobs.kind import JobError

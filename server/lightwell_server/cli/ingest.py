@@ -184,7 +184,7 @@ def stream_settings(document: str | None, changes: dict[str, Any], place: str = 
     LightwellError
         Names the setting that is missing, unknown or out of bounds; ``place`` is where the document comes from.
     """
-    from lightwell_server.config import complaint
+    from lightwell.settings import complaint
 
     try:
         before = {} if document is None else json_module.loads(document)

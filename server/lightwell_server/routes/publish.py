@@ -17,7 +17,7 @@ from fastapi import APIRouter
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from lightwell.settings import STREAM_NAME_PATTERN, StreamSettings
+from lightwell.settings import STREAM_NAME_PATTERN, StreamSettings, complaint
 from lightwell.wire import (
     CLOSE_POLICY,
     Announce,
@@ -31,7 +31,6 @@ from lightwell.wire import (
     encode,
 )
 from lightwell_server.auth import Scope
-from lightwell_server.config import complaint
 from lightwell_server.hub import Channel, Publisher
 from lightwell_server.intake import Punctuality, check_message
 from lightwell_server.problems import Problem
