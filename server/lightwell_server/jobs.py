@@ -35,11 +35,13 @@ class Jobs:
 
     def start(self) -> None:
         """Go on with the jobs of an earlier run, where there was one."""
-        if self._exists():
+        if self.exists:
             self.executor.ensure()
         self._retention = asyncio.create_task(self._sweep())
 
-    def _exists(self) -> bool:
+    @property
+    def exists(self) -> bool:
+        """Whether there is a queue, of this run or an earlier one."""
         return self.in_use or bool(self.settings.database_url) or (self._data_dir / "jobs.sqlite").exists()
 
     async def close(self) -> None:
@@ -68,7 +70,7 @@ class Jobs:
     async def _sweep(self) -> None:
         """Delete what is older than the retention, now and then."""
         while True:
-            if self._exists():
+            if self.exists:
                 with contextlib.suppress(LightwellError):
                     deleted = await self.call(lambda queue: queue.sweep(self.settings.retention_days))
                     if deleted:

@@ -79,6 +79,10 @@ def test_a_grid_from_submission_to_sample(client: Lightwell, http: httpx.Client,
 
     grid = f"{job.id}.grid"
     assert grid in [item["id"] for item in client.grids()]
+    summary = next(item for item in http.get("/grids").json() if item["id"] == grid)
+    assert (summary["capture"], summary["resolution"], summary["bands"]) == ("scene1", [4, 4, 4], 3)
+    assert summary["adaptive"] is False
+    assert abs(summary["finished_ns"] - (job.finished or 0)) < 60e9
     sample = client.sample(grid, [(0.0, 0.1, 0.2), (0.3, 0.0, 0.0)], gradients=True)
     assert [point.coefficients.shape for point in sample.points] == [(9, 3), (9, 3)]
     assert sample.points[0].gradients is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,7 @@ from pydantic import BaseModel, Field
 
 from lightwell.conventions import Convention
 from lightwell.field.adaptive import AnyGrid
+from lightwell.io.adaptive import FORMAT as ADAPTIVE_FORMAT
 from lightwell.io.grids import GridError, open_grid
 from lightwell.io.preview import preview_png
 from lightwell.sh.engines import convert
@@ -21,7 +23,7 @@ from lightwell_server.artifacts import ArtifactNotFoundError, find_artifact
 from lightwell_server.problems import FieldError, Problem
 from lightwell_server.routes.access import READ, problems
 from lightwell_server.services import services
-from lightwell_workers.jobs.directory import JobDirectory
+from lightwell_workers.jobs.directory import Artifact, JobDirectory
 
 router = APIRouter(tags=["grids"])
 
@@ -48,6 +50,11 @@ class GridSummary(BaseModel):
     path: str
     bytes: int
     sha256: str
+    capture: str = Field("", description="name of the capture that it was made from")
+    resolution: tuple[int, int, int] | None = Field(None, description="cells along x, y and z")
+    bands: int | None = None
+    adaptive: bool = False
+    finished_ns: int = Field(description="when its job ended, nanoseconds since the Unix epoch")
 
 
 class PointSample(BaseModel):
@@ -86,19 +93,39 @@ def _open(root: Path, grid: str) -> AnyGrid:
 
 @router.get("/grids", dependencies=READ, responses=problems())
 async def list_grids(request: Request) -> list[GridSummary]:
-    """List the finished grids."""
+    """List the finished grids, newest first."""
     root = services(request).jobs.root
 
     def collect() -> list[GridSummary]:
-        folders = sorted(path for path in root.iterdir() if (path / "manifest.json").is_file()) if root.is_dir() else []
-        return [
-            GridSummary(id=item.id, job=path.name, path=item.path, bytes=item.bytes, sha256=item.sha256)
-            for path in folders
-            for item in JobDirectory(root, path.name).read_manifest()
+        folders = [path for path in root.iterdir() if (path / "manifest.json").is_file()] if root.is_dir() else []
+        found = [
+            _summary(directory, item)
+            for directory in (JobDirectory(root, path.name) for path in folders)
+            for item in directory.read_manifest()
             if item.path.endswith(SUFFIX)
         ]
+        return sorted(found, key=lambda grid: (-grid.finished_ns, grid.id))
 
     return await asyncio.to_thread(collect)
+
+
+def _summary(directory: JobDirectory, item: Artifact) -> GridSummary:
+    """Describe a grid without opening its arrays; what its attributes do not say stays open."""
+    summary = GridSummary(
+        id=item.id, job=directory.id, path=item.path, bytes=item.bytes, sha256=item.sha256, finished_ns=0
+    )
+    try:
+        summary.finished_ns = directory.manifest.stat().st_mtime_ns
+        attributes = json.loads((directory.artifacts / item.path / "zarr.json").read_bytes())["attributes"]
+        told = {
+            "capture": attributes["capture"]["name"],
+            "resolution": attributes["resolution"],
+            "bands": attributes["bands"],
+            "adaptive": attributes["format"] == ADAPTIVE_FORMAT,
+        }
+        return GridSummary.model_validate({**summary.model_dump(), **told})
+    except (OSError, ValueError, KeyError, TypeError):
+        return summary
 
 
 @router.get("/grids/{grid}", dependencies=READ, responses=problems(404))

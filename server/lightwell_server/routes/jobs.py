@@ -191,7 +191,10 @@ async def list_jobs(
     kind: JobKind | None = None,
 ) -> JobPage:
     """List the jobs, newest first; jobs that come meanwhile change no page that follows."""
-    jobs, following = await services(request).jobs.call(lambda queue: queue.page(cursor, limit, state, kind))
+    parts = services(request)
+    if cursor is None and not parts.jobs.exists:
+        return JobPage(jobs=[], next=None)  # looking does not make a queue where nobody has submitted anything
+    jobs, following = await parts.jobs.call(lambda queue: queue.page(cursor, limit, state, kind))
     return JobPage(jobs=[_document(job) for job in jobs], next=following)
 
 
