@@ -9,13 +9,15 @@ It needs numpy, websockets, httpx and msgspec only. A renderer follows a stream 
             upload(frame.coefficients)  # (9, 3) float32
             print(frame.seq, frame.latency_seconds, frame.missed)
 
-`AsyncLightStream` is the same for asyncio, `Lightwell` the client of the REST API.
+`AsyncLightStream` is the same for asyncio, `Lightwell` the client of the REST API. `render` makes pictures of scene
+files; it imports the core's renderer when it is called.
 """
 
 from lightwell_client.backdrop import BackdropPicture
 from lightwell_client.errors import ConnectionLostError, LightTimeoutError, ProblemError, RefusedError
 from lightwell_client.frames import LightFrame
 from lightwell_client.jobs import GridSample, Job, JobEstimate
+from lightwell_client.rendering import render
 from lightwell_client.rest import Lightwell, Stream
 from lightwell_client.stream import AsyncLightStream
 from lightwell_client.sync import LightStream
@@ -34,4 +36,5 @@ __all__ = [
     "ProblemError",
     "RefusedError",
     "Stream",
+    "render",
 ]

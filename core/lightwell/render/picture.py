@@ -14,13 +14,13 @@ from lightwell.geometry.rays import Hits, RayScene
 from lightwell.render.camera import Camera
 from lightwell.render.scene import Scene, SceneObject
 from lightwell.render.shading import Received, Surface, receive, shade
+from lightwell.scene_settings import MAX_SAMPLES, MAX_SIDE
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 RAYS_AT_ONCE = 1 << 15
 """A point in a grid takes 600 bytes of coefficients."""
-MAX_SIDE, MAX_SAMPLES = 16384, 16
 MAX_BACKS = 64
 """So many back faces a ray passes at most."""
 STEP = 1e-5

@@ -15,6 +15,7 @@ from lightwell_server.cli.grid import grid_commands
 from lightwell_server.cli.ingest import ingest
 from lightwell_server.cli.jobs import cancel, job, jobs, retry, submit
 from lightwell_server.cli.project import project
+from lightwell_server.cli.render import render
 from lightwell_server.cli.serve import serve
 from lightwell_server.cli.watch import watch
 from lightwell_server.cli.work import work
@@ -41,7 +42,7 @@ def _root(
     """Capture real light and serve it live."""
 
 
-for command in (serve, demo, ingest, work, watch, project, submit, jobs, job, cancel, retry, doctor):
+for command in (serve, demo, ingest, work, watch, project, render, submit, jobs, job, cancel, retry, doctor):
     app.command()(command)
 app.add_typer(capture_commands, name="capture")
 app.add_typer(grid_commands, name="grid")

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json as json_module
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +11,7 @@ import typer
 from lightwell.conventions import Units
 from lightwell.settings import MappingName
 from lightwell_server.cli.connection import JSON
+from lightwell_server.cli.output import progress_bar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,17 +26,6 @@ capture_commands = typer.Typer(help="Sequences of tracked light probes.", no_arg
 SAMPLED_FRAMES = 32
 SAMPLED_DIRECTIONS = 16
 LEAST_EXTENT_M = 1e-6
-
-
-@contextmanager
-def _bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """Give a function that moves a progress bar on a terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
-        task = progress.add_task(title, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
 @capture_commands.command("simulate")
@@ -87,7 +74,7 @@ def simulate(
         seed=seed,
         compression=compression,
     )
-    with _bar("simulating") as report:
+    with progress_bar("simulating") as report:
         simulate_capture(directory, PRESETS[scene], rig, report, angular=angular)
     _tell(directory, probes, f"{probes} probes of {scene}", json)
 
@@ -151,7 +138,7 @@ def import_frames(
         max_gap_seconds=max_gap_seconds,
         copy=copy,
     )
-    with _bar("importing") as report:
+    with progress_bar("importing") as report:
         count = import_capture(frames, poses, out, plan, report)
     _tell(out, count, f"{count} probes", json)
 
@@ -275,7 +262,7 @@ def reduce(
     except ValidationError as error:
         raise _wrong_option(error) from None
     capture = require_frames(open_capture(directory))
-    with _bar("comparing") as report:
+    with progress_bar("comparing") as report:
         decisions = reduce_capture(capture, settings, 0, capture.count, None, report)
     summary = write_reduced(capture, decisions, out)
     if json:

@@ -1,9 +1,10 @@
-"""What commands write: files that appear whole; nothing of C libraries."""
+"""What commands write: files that appear whole, progress bars; nothing of C libraries."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -37,3 +38,14 @@ def write_picture(path: Path, data: bytes) -> None:
         write_atomically(path, data)
     except OSError as error:
         raise LightwellError(f"{path}: cannot be written: {error.strerror}; give another file") from None
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
+    """Give a function that moves a progress bar on a terminal, from what is done and how much there is."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
+        task = progress.add_task(title, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

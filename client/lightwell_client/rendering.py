@@ -1,0 +1,163 @@
+"""Rendering a scene file in Python, with light from a server.
+
+The rest of this package is small; this module imports the core's renderer (Embree, numba) when it is called.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lightwell.conventions import Convention
+from lightwell.errors import LightwellError
+from lightwell_client.rest import Lightwell
+from lightwell_client.stream import DEFAULT_SERVER
+
+if TYPE_CHECKING:
+    from lightwell.field.adaptive import AnyGrid
+    from lightwell.render import Rendering
+
+
+@runtime_checkable
+class _Light(Protocol):
+    """A `LightFrame`, or what `Lightwell.latest` returns."""
+
+    @property
+    def coefficients(self) -> NDArray[np.float32]: ...
+
+    @property
+    def convention(self) -> Convention: ...
+
+
+def render(
+    scene: str | Path | Mapping[str, Any],
+    *,
+    light: _Light | ArrayLike | None = None,
+    size: tuple[int, int] | None = None,
+    samples: int | None = None,
+    out: str | Path | None = None,
+    server: str = DEFAULT_SERVER,
+    token: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Rendering:
+    """Render a scene, as ``lightwell render`` does.
+
+    ::
+
+        from lightwell_client import LightStream, render
+
+        with LightStream("probe") as stream:
+            picture = render("scene.toml", light=stream.next(timeout=5), size=(320, 240), out="now.png")
+        picture.colour  # (240, 320, 3) float32, linear radiance
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML), or what would stand in one; paths are relative to it, or to the working directory.
+    light
+        In place of the scene's own: a frame of a stream, or coefficients ``(bands², 3)`` in Lightwell's convention.
+    size, samples
+        Width and height in pixels and rays along each side of a pixel, in place of the scene's own.
+    out
+        Also write it: ``.exr`` or ``.png``.
+    server, token
+        Where streams, grids and transfers that the scene names come from.
+    progress
+        Called with the rows that are done and how many there are.
+
+    Raises
+    ------
+    LightwellError
+        Where the scene or what it names cannot be used; names the file, the field and the remedy.
+    """
+    from lightwell.io.renders import require_format, write_rendering
+    from lightwell.io.scenes import load_scene, read_scene_settings, scene_settings
+    from lightwell.render import render as render_scene
+
+    if out is not None:
+        require_format(Path(out))
+    if isinstance(scene, Mapping):
+        settings, folder, where = scene_settings(scene), Path(), "scene"
+    else:
+        settings, folder, where = read_scene_settings(Path(scene)), Path(scene).parent, str(scene)
+    with ServerSources(server, token) as sources:
+        loaded = load_scene(settings, folder, sources, where=where, light=None if light is None else _radiance(light))
+    picture = loaded.picture
+    rendering = render_scene(
+        loaded.scene,
+        loaded.camera,
+        size or (picture.width, picture.height),
+        samples or picture.samples,
+        progress,
+    )
+    if out is not None:
+        write_rendering(Path(out), rendering, loaded.ev, tone_mapping=picture.tone_mapping == "neutral")
+    return rendering
+
+
+class ServerSources:
+    """What scenes take from a server: `lightwell.io.scenes.Server`. Connects when it is asked for something."""
+
+    def __init__(self, server: str = DEFAULT_SERVER, token: str | None = None) -> None:
+        self._server = server
+        self._token = token
+        self._folders: list[tempfile.TemporaryDirectory[str]] = []
+
+    def __enter__(self) -> ServerSources:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for folder in self._folders:
+            folder.cleanup()
+
+    def stream(self, name: str) -> NDArray[np.float64]:
+        """Return the newest coefficients of a stream, ``(bands², 3)``."""
+        with self._connect() as client:
+            return client.latest(name).coefficients.astype(np.float64)
+
+    def grid(self, grid: str) -> AnyGrid:
+        """Return a finished grid, read into memory."""
+        from lightwell.io.grids import open_grid
+
+        place = self._folder() / "grid.zarr"
+        with self._connect() as client:
+            client.download(grid, place)
+        return open_grid(place)
+
+    def transfer(self, job: str) -> Path:
+        """Return a folder with the results of a prt-transfer job; it stays until this is closed."""
+        folder = self._folder()
+        with self._connect() as client:
+            found = client.job(job)
+            if found.state != "succeeded":
+                raise LightwellError(f"job {job} is {found.state}: wait for it, or name another")
+            for artifact in found.artifacts:
+                place = folder / artifact.path
+                place.parent.mkdir(parents=True, exist_ok=True)
+                client.download(artifact.id, place)
+        return folder
+
+    def _connect(self) -> Lightwell:
+        try:
+            return Lightwell(self._server, token=self._token)
+        except ValueError as error:
+            raise LightwellError(f"server {self._server!r}: {error}") from None
+
+    def _folder(self) -> Path:
+        folder = tempfile.TemporaryDirectory(prefix="lightwell-")
+        self._folders.append(folder)
+        return Path(folder.name)
+
+
+def _radiance(light: _Light | ArrayLike) -> NDArray[np.float64]:
+    """Return coefficients in Lightwell's own convention."""
+    from lightwell.sh.engines import convert
+
+    if isinstance(light, _Light):
+        return convert(light.coefficients, "lightwell", light.convention)
+    return np.asarray(light, dtype=np.float64)

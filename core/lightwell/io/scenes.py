@@ -1,0 +1,343 @@
+"""Reading scene files: from TOML to what `lightwell.render.render` takes."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from lightwell.conventions import CONVENTIONS, DEFAULT_BANDS, LUMINANCE, bands_of_count
+from lightwell.errors import LightwellError, RenderError
+from lightwell.field.adaptive import AnyGrid
+from lightwell.geometry.mesh import Mesh, make_mesh
+from lightwell.geometry.shapes import make_shape
+from lightwell.io.grids import open_grid
+from lightwell.io.meshes import load_meshes
+from lightwell.io.pictures import read_picture
+from lightwell.probe.factory import make_mapping
+from lightwell.probe.projection import projector
+from lightwell.probe.samples import repair
+from lightwell.render.backdrop import Backdrop, Harmonics, Panorama
+from lightwell.render.camera import Camera
+from lightwell.render.light import DistantLight, FieldLight, Light, with_bands
+from lightwell.render.material import Material
+from lightwell.render.scene import Scene, SceneObject
+from lightwell.scene_settings import (
+    PictureSettings,
+    SceneBackdropSettings,
+    SceneLightSettings,
+    SceneObjectSettings,
+    SceneSettings,
+)
+from lightwell.settings import MappingSettings, WindowSettings, complaint
+from lightwell.sh.basis import Y00
+from lightwell.sh.engines import convert
+from lightwell.sh.window import WindowStage, fixed_window
+
+Floats = NDArray[np.float64]
+
+METERED_LEVEL = 0.3
+"""Mean radiance of the light, exposed, that looks right: the web page's."""
+EV_MOST = 24.0
+MAX_SCENE_BYTES = 1 << 20
+
+
+class Server(Protocol):
+    """What a scene may take from a Lightwell server."""
+
+    def stream(self, name: str) -> Floats:
+        """Return the newest coefficients of a stream, ``(bands², 3)``."""
+        ...
+
+    def grid(self, grid: str) -> AnyGrid:
+        """Return a finished grid."""
+        ...
+
+    def transfer(self, job: str) -> Path:
+        """Return a folder with the results of a prt-transfer job, which stays while the process runs."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedScene:
+    """What a scene file says, ready to be rendered."""
+
+    scene: Scene
+    camera: Camera
+    picture: PictureSettings
+    ev: float
+    """Exposure; metered where the file says auto."""
+
+
+def read_scene_settings(path: Path) -> SceneSettings:
+    """Read a scene file.
+
+    Raises
+    ------
+    RenderError
+        With one line for each mistake: file, field, value, remedy.
+    """
+    try:
+        if path.stat().st_size > MAX_SCENE_BYTES:
+            raise RenderError(f"{path}: is larger than {MAX_SCENE_BYTES >> 20} MiB: this is no scene file")
+        document = tomllib.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        raise RenderError(f"{path}: there is no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RenderError(f"{path}: cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RenderError(f"{path}: is not valid TOML: {error}") from None
+    return scene_settings(document, str(path))
+
+
+def scene_settings(document: Mapping[str, Any], where: str = "scene") -> SceneSettings:
+    """Return checked settings; raises as `read_scene_settings`."""
+    try:
+        return SceneSettings.model_validate(document)
+    except ValidationError as error:
+        lines = [f"{where}: {_field(item['loc'])} {complaint(item)}" for item in error.errors()]
+        raise RenderError("\n".join(lines)) from None
+
+
+def _field(place: tuple[int | str, ...]) -> str:
+    """Return the place of a mistake as ``objects[0].gloss``."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
+
+
+def load_scene(
+    settings: SceneSettings,
+    folder: Path,
+    server: Server | None = None,
+    *,
+    where: str = "scene",
+    light: Floats | None = None,
+) -> LoadedScene:
+    """Read all that a scene names.
+
+    Parameters
+    ----------
+    settings
+        What the file says.
+    folder
+        Where its relative paths begin.
+    server
+        For streams, and for grids and transfers that are no folders.
+    where
+        The scene's name in errors.
+    light
+        Coefficients ``(bands², 3)`` in place of the file's light.
+
+    Raises
+    ------
+    LightwellError
+        Where something cannot be read; names the file and the field.
+    """
+    loader = _Loader(folder, server, where)
+    lit, picture = loader.light(settings.light) if light is None else (DistantLight(light), None)
+    camera = Camera(**settings.camera.model_dump())
+    objects = tuple(
+        made
+        for number, item in enumerate(settings.objects)
+        for made in loader.within(f"objects[{number}]").objects(item)
+    )
+    backdrop = loader.within("backdrop").backdrop(settings.backdrop, lit, picture, camera)
+    scene = Scene(objects, lit, backdrop, settings.negatives, settings.sampling)
+    ev = settings.picture.ev
+    return LoadedScene(scene, camera, settings.picture, meter(scene) if ev == "auto" else ev)
+
+
+def meter(scene: Scene) -> float:
+    """Return the exposure that fits the light, EV: its mean luminance at the objects becomes `METERED_LEVEL`."""
+    centres = [np.stack(item.mesh.bounds).astype(np.float64).mean(axis=0) for item in scene.objects]
+    found = scene.light.at(np.array(centres or [np.zeros(3)]))
+    mean = float(np.mean(found[..., 0, :] @ LUMINANCE)) * Y00
+    return float(np.clip(np.log2(METERED_LEVEL / mean), -EV_MOST, EV_MOST)) if mean > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class _Loader:
+    folder: Path
+    server: Server | None
+    where: str
+
+    def within(self, field: str) -> _Loader:
+        """Return a loader whose errors name a field."""
+        return replace(self, where=f"{self.where}: {field}")
+
+    def light(self, settings: SceneLightSettings) -> tuple[Light, NDArray[np.floating] | None]:
+        """Return the light, and its picture where it is from one."""
+        picture: NDArray[np.floating] | None = None
+        at = self.within("light")
+        if settings.grid is not None:
+            return at._field(settings), None
+        if settings.stream is not None:
+            coefficients = at._require_server("stream").stream(settings.stream)
+        else:
+            assert settings.file is not None
+            path = at._path(settings.file)
+            if path.suffix.lower() == ".json":
+                coefficients = at._coefficients_of(path)
+            else:
+                picture = at._picture(path)
+                bands = settings.bands or DEFAULT_BANDS
+                mapping = make_mapping(MappingSettings(), *picture.shape[:2])
+                coefficients = projector(mapping, bands, "solid-angle", "fill").project(picture)
+        coefficients = settings.gain * with_bands(coefficients, at._bands(settings, bands_of_count(len(coefficients))))
+        windowed, _, _ = WindowStage(settings.window, bands_of_count(len(coefficients))).update(coefficients, 0)
+        return DistantLight(windowed), None if picture is None else settings.gain * picture
+
+    def backdrop(
+        self,
+        settings: SceneBackdropSettings,
+        light: Light,
+        picture: NDArray[np.floating] | None,
+        camera: Camera,
+    ) -> Backdrop | None:
+        """Return what is behind the objects."""
+        if settings.file is not None:
+            if settings.kind not in ("auto", "picture"):
+                raise RenderError(f"{self.where}.file: means nothing with kind = {settings.kind!r}: leave one out")
+            return Panorama(self._picture(self._path(settings.file)), settings.filter)
+        kind = settings.kind
+        if kind == "auto":
+            kind = "picture" if picture is not None else "none" if isinstance(light, FieldLight) else "harmonics"
+        match kind:
+            case "none":
+                return None
+            case "picture":
+                if picture is None:
+                    raise RenderError(f"{self.where}.kind = 'picture': this light has no picture: name a file")
+                return Panorama(picture, settings.filter)
+            case _:
+                found = light.at(np.array([camera.position], dtype=np.float64))
+                return Harmonics(found if found.ndim == 2 else found[0])
+
+    def objects(self, settings: SceneObjectSettings) -> list[SceneObject]:
+        """Return the objects of one entry."""
+        material = Material(
+            **settings.model_dump(
+                include={"albedo", "gloss", "exponent", "normalised", "horizon", "mirror", "two_sided"}
+            )
+        )
+        if settings.transfer is not None:
+            return [
+                SceneObject(_placed(mesh, settings), material, transfer)
+                for mesh, transfer in self._transferred(settings.transfer)
+            ]
+        if settings.shape is not None:
+            meshes = [make_shape(settings.shape)]
+        else:
+            assert settings.mesh is not None
+            try:
+                meshes = load_meshes(self._path(settings.mesh), settings.up_axis)
+            except LightwellError as error:
+                raise RenderError(f"{self.where}.mesh: {error}") from None
+        return [SceneObject(_placed(mesh, settings), material) for mesh in meshes]
+
+    def _field(self, settings: SceneLightSettings) -> FieldLight:
+        assert settings.grid is not None
+        path = self._path(Path(settings.grid))
+        if path.exists() or "/" in settings.grid or settings.grid.endswith(".zarr"):
+            grid = open_grid(path)
+        else:
+            grid = self._require_server("grid").grid(settings.grid)
+        bands = self._bands(settings, grid.bands)
+        return FieldLight(grid, bands, _fixed(settings.window, bands), settings.gain)
+
+    def _bands(self, settings: SceneLightSettings, there: int) -> int:
+        if settings.bands is not None and settings.bands > there:
+            raise RenderError(f"{self.where}.bands = {settings.bands}: this light has {there}: ask for no more")
+        return settings.bands or there
+
+    def _path(self, path: Path) -> Path:
+        return self.folder / path.expanduser()
+
+    def _picture(self, path: Path) -> NDArray[np.floating]:
+        try:
+            return repair(read_picture(path).pixels)
+        except LightwellError as error:
+            raise RenderError(f"{self.where}.file: {path}: {error}") from None
+
+    def _coefficients_of(self, path: Path) -> Floats:
+        """Return the coefficients of a JSON document that `project`, `watch` or the REST API has printed."""
+        try:
+            lines = path.read_text("utf-8").strip()
+            try:
+                document = json.loads(lines)
+            except json.JSONDecodeError:
+                document = json.loads(lines.splitlines()[-1])  # of `watch`, the newest
+            rows = np.array(document["coefficients"], dtype=np.float64)
+            convention = document.get("convention", "lightwell")
+            if rows.ndim != 2 or rows.shape[1] != 3 or not np.isfinite(rows).all():
+                raise ValueError(f"coefficients have the shape {rows.shape}, bands² finite rows of r, g, b are needed")
+            if convention not in CONVENTIONS:
+                raise ValueError(f"convention {convention!r} is none of {', '.join(CONVENTIONS)}")
+            return convert(rows, "lightwell", convention)
+        except OSError as error:
+            raise RenderError(f"{self.where}.file: {path}: cannot be read: {error.strerror}") from None
+        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+            raise RenderError(
+                f"{self.where}.file: {path}: holds no light ({error}); write it with `lightwell project --json`"
+            ) from None
+
+    def _transferred(self, name: str) -> list[tuple[Mesh, NDArray[np.floating]]]:
+        path = self._path(Path(name))
+        folder = path if path.exists() or "/" in name else self._require_server("transfer").transfer(name)
+        return read_transfer(folder, self.where)
+
+    def _require_server(self, field: str) -> Server:
+        if self.server is None:
+            raise RenderError(f"{self.where}.{field}: needs a server: give --server, or a folder or file")
+        return self.server
+
+
+def read_transfer(folder: Path, where: str = "transfer") -> list[tuple[Mesh, NDArray[np.floating]]]:
+    """Read the meshes of a prt-transfer job with their transfer ``(V, bands², C)``, float32.
+
+    Raises
+    ------
+    RenderError
+        Where the folder holds no such results, or they do not belong together.
+    """
+    try:
+        document = json.loads((folder / "transfer.json").read_text("utf-8"))
+        bands, channels = int(document["bands"]), int(document["channels"])
+        entries = list(document["meshes"])
+        blobs = [np.fromfile(folder / entry["float32"], dtype="<f4") for entry in entries]
+        meshes = load_meshes(folder / document["glb"])
+    except (OSError, ValueError, KeyError, TypeError, LightwellError) as error:
+        raise RenderError(
+            f"{where}: {folder}: holds no results of a prt-transfer job (transfer.json and what it names): {error}"
+        ) from None
+    if len(meshes) != len(entries):
+        raise RenderError(f"{where}: {folder}: has {len(meshes)} meshes and {len(entries)} transfers: make it anew")
+    found = []
+    for mesh, blob in zip(meshes, blobs, strict=True):
+        wanted = len(mesh.positions) * bands * bands * channels
+        if blob.size != wanted:
+            raise RenderError(
+                f"{where}: {folder}: the transfer of {mesh.name!r} has {blob.size} numbers, not {wanted}: make it anew"
+            )
+        found.append((mesh, blob.reshape(len(mesh.positions), bands * bands, channels)))
+    return found
+
+
+def _placed(mesh: Mesh, settings: SceneObjectSettings) -> Mesh:
+    """Return a mesh scaled, then turned, then moved."""
+    angle = np.radians(settings.turn_degrees)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    positions = settings.scale * mesh.positions.astype(np.float64) @ turn.T + np.array(settings.position)
+    return make_mesh(mesh.name, positions, mesh.triangles, mesh.normals.astype(np.float64) @ turn.T, mesh.albedo)
+
+
+def _fixed(window: WindowSettings, bands: int) -> Floats | None:
+    if window.kind == "none":
+        return None
+    return fixed_window(window.kind, bands, window.width, window.target)

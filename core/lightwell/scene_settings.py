@@ -1,0 +1,161 @@
+"""What a scene file says: camera, picture, light, surroundings and objects; typed, bounded, described.
+
+`lightwell.io.scenes` reads it. Paths are relative to the scene file. World axes are right-handed, +Z up, in metres.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from lightwell.conventions import MAX_BANDS
+from lightwell.settings import Settings, Vector3, WindowSettings
+
+MAX_SIDE, MAX_SAMPLES = 16384, 16
+Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+def linear_from_hex(colour: str) -> tuple[float, float, float]:
+    """Return the linear colour of an sRGB one, ``#rrggbb`` (IEC 61966-2-1).
+
+    Raises
+    ------
+    ValueError
+        Where it is none.
+    """
+    if re.fullmatch(r"#[0-9a-fA-F]{6}", colour) is None:
+        raise ValueError(f"{colour!r} is no colour; write #rrggbb")
+    values = [int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5)]
+    red, green, blue = (v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in values)
+    return red, green, blue
+
+
+def _colour(value: Any) -> Any:  # noqa: ANN401
+    """Take ``#rrggbb`` (sRGB), one number for grey, or three linear numbers."""
+    if isinstance(value, str):
+        try:
+            return linear_from_hex(value)
+        except ValueError:
+            raise PydanticCustomError("colour", "must be #rrggbb, or linear numbers 0 … 1") from None
+    return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+class CameraSettings(Settings):
+    """A pinhole camera."""
+
+    position: Vector3 = Field(description="where the camera stands, metres")
+    target: Vector3 = Field((0.0, 0.0, 0.0), description="what is in the middle of the picture, metres")
+    up: Vector3 = Field((0.0, 0.0, 1.0), description="world direction of the picture's top")
+    fov_degrees: float = Field(36.0, gt=0, lt=180, description="angle from the lower to the upper edge, degrees")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.position == self.target:
+            raise PydanticCustomError("camera", "position and target must differ")
+        if not any(self.up):
+            raise PydanticCustomError("camera", "up must have a length")
+        return self
+
+
+class PictureSettings(Settings):
+    """How many pixels, and how they become eight bits."""
+
+    width: int = Field(640, ge=1, le=MAX_SIDE, description="pixels")
+    height: int = Field(480, ge=1, le=MAX_SIDE, description="pixels")
+    samples: int = Field(3, ge=1, le=MAX_SAMPLES, description="N: a pixel is the mean of N² rays")
+    ev: float | Literal["auto"] = Field("auto", description="exposure of a PNG, EV; auto: from the mean of the light")
+    tone_mapping: Literal["neutral", "none"] = Field(
+        "neutral", description="of a PNG: as the web page, or clipped at white"
+    )
+
+
+class SceneLightSettings(Settings):
+    """Where the light comes from: exactly one of file, stream and grid."""
+
+    file: Path | None = Field(
+        None, description="picture (.exr, .hdr; lat-long), or JSON of `lightwell project --json`, `watch --json`"
+    )
+    stream: str | None = Field(None, description="name of a stream on the server: its newest frame")
+    grid: str | None = Field(None, description="folder of a grid (Zarr), or its id on the server")
+    bands: int | None = Field(
+        None, ge=1, le=MAX_BANDS, description="SH bands; default: 5 of a picture, else all that there are"
+    )
+    window: WindowSettings = WindowSettings()
+    gain: float = Field(1.0, ge=0, description="factor")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        named = [name for name in ("file", "stream", "grid") if getattr(self, name) is not None]
+        if len(named) != 1:
+            found = " and ".join(named) or "none of them"
+            raise PydanticCustomError("light", "give one of file, stream and grid, not {found}", {"found": found})
+        if self.grid is not None and self.window.kind == "auto":
+            raise PydanticCustomError("light", "a grid takes a fixed window (hann, lanczos, nonneg), not auto")
+        return self
+
+
+class SceneBackdropSettings(Settings):
+    """What is behind the objects, and what mirrors show."""
+
+    kind: Literal["auto", "picture", "harmonics", "none"] = Field(
+        "auto",
+        description="the light's own picture; its harmonics (of a grid: where the camera stands); nothing."
+        " auto: the picture where there is one, else the harmonics, but nothing for a grid",
+    )
+    file: Path | None = Field(None, description="another lat-long picture, .exr or .hdr")
+    filter: Literal["linear", "nearest", "cubic"] = Field("linear", description="between the picture's pixels")
+
+
+class SceneObjectSettings(Settings):
+    """One object, or all objects of a file: exactly one of mesh, shape and transfer."""
+
+    mesh: Path | None = Field(None, description=".glb, .gltf, .ply or .obj")
+    shape: Literal["sphere", "plane", "box"] | None = Field(
+        None, description="radius or half-edge 1 m, round the origin; the plane faces +Z"
+    )
+    transfer: str | None = Field(
+        None, description="folder with the results of a prt-transfer job, or the job's id: its meshes, with shadows"
+    )
+    up_axis: Literal["y", "z"] = Field("y", description="which axis of the mesh file points up")
+    scale: float = Field(1.0, gt=0, description="factor")
+    turn_degrees: float = Field(0.0, description="turn about +Z, counter-clockwise from above, degrees")
+    position: Vector3 = Field((0.0, 0.0, 0.0), description="where the file's origin goes, metres")
+    albedo: Annotated[tuple[Fraction, Fraction, Fraction] | None, BeforeValidator(_colour)] = Field(
+        None, description="#rrggbb (sRGB), or linear: one number or three; default: the file's own"
+    )
+    gloss: Fraction = Field(0.0, description="weight of the Phong lobe against the matte part")
+    exponent: float = Field(12.0, ge=0, le=1e6, description="s of the Phong lobe max(0, cos)^s")
+    normalised: bool = Field(True, description="the lobe integrates to 1; false: its peak is 1, as in paper 000")
+    horizon: bool = Field(False, description="cut the lobe off where it reaches below the surface")
+    mirror: Fraction = Field(0.0, description="weight of the mirrored backdrop (paper 003, equation 15)")
+    two_sided: bool = Field(False, description="show and light the backs of triangles too")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        named = [name for name in ("mesh", "shape", "transfer") if getattr(self, name) is not None]
+        if len(named) != 1:
+            found = " and ".join(named) or "none of them"
+            raise PydanticCustomError("object", "give one of mesh, shape and transfer, not {found}", {"found": found})
+        if self.transfer is not None and self.turn_degrees:
+            raise PydanticCustomError("object", "turn_degrees cannot turn shadows: turn the mesh and transfer it anew")
+        return self
+
+
+class SceneSettings(Settings):
+    """A scene file."""
+
+    camera: CameraSettings
+    light: SceneLightSettings
+    picture: PictureSettings = PictureSettings()
+    backdrop: SceneBackdropSettings = SceneBackdropSettings()
+    objects: tuple[SceneObjectSettings, ...] = Field((), max_length=1000, description="what is in the scene")
+    sampling: Literal["point", "vertex"] = Field(
+        "point", description="light is summed at each visible point, or at vertices and interpolated"
+    )
+    negatives: Literal["desaturate", "clip", "keep"] = Field(
+        "desaturate", description="where harmonics ring below zero: as the web page, cut off, or left"
+    )

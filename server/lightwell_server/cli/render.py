@@ -1,0 +1,88 @@
+"""``lightwell render``: a picture of a scene file."""
+
+from __future__ import annotations
+
+import json as json_module
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from lightwell_server.cli.connection import JSON, SERVER, TOKEN
+from lightwell_server.cli.output import progress_bar, quiet_libraries
+
+if TYPE_CHECKING:
+    from lightwell.io.scenes import LoadedScene
+
+
+def render(
+    scene: Path = typer.Argument(help="Scene file, TOML (docs/render.md)."),
+    out: list[Path] = typer.Option(..., "--out", "-o", help="Picture, .exr or .png; may be repeated."),
+    size: str | None = typer.Option(None, metavar="WxH", help="Pixels, such as 640x480, in place of the scene's own."),
+    samples: int | None = typer.Option(None, min=1, max=16, help="N: a pixel is the mean of N² rays."),
+    ev: float | None = typer.Option(None, help="Exposure of a PNG, EV, in place of the scene's own."),
+    server: str = SERVER,
+    token: str | None = TOKEN,
+    json: bool = JSON,
+) -> None:
+    """Render SCENE: objects lit by a probe, by a stream's last frame or by a grid."""
+    from lightwell.io.renders import require_format, write_rendering
+    from lightwell.io.scenes import load_scene, read_scene_settings
+    from lightwell.render import render as render_scene
+    from lightwell_client.rendering import ServerSources
+
+    for path in out:
+        require_format(path)
+    settings = read_scene_settings(scene)
+    pixels = (settings.picture.width, settings.picture.height) if size is None else _size(size)
+    with ServerSources(server, token) as sources, quiet_libraries():
+        loaded = load_scene(settings, scene.parent, sources, where=str(scene))
+    exposure = loaded.ev if ev is None else ev
+    rays = samples or settings.picture.samples
+    started = time.monotonic()
+    with progress_bar("rendering") as report:
+        rendering = render_scene(loaded.scene, loaded.camera, pixels, rays, report)
+    seconds = time.monotonic() - started
+    for path in out:
+        write_rendering(path, rendering, exposure, tone_mapping=settings.picture.tone_mapping == "neutral")
+    summary = {
+        "out": [{"path": str(path), "bytes": path.stat().st_size} for path in out],
+        "width": pixels[0],
+        "height": pixels[1],
+        "samples": rays,
+        "seconds": round(seconds, 3),
+        "ev": exposure,
+        "bands": loaded.scene.light.bands,
+        "objects": len(loaded.scene.objects),
+        "triangles": _triangles(loaded),
+        "coverage": float(rendering.coverage.mean()),
+        "mean": [float(value) for value in rendering.colour.reshape(-1, 3).mean(axis=0)],
+    }
+    if json:
+        print(json_module.dumps(summary))
+        return
+    for path in out:
+        print(path)
+    typer.echo(
+        f"{pixels[0]}×{pixels[1]}, {rays}² rays a pixel, {summary['triangles']} triangles, {seconds:.1f} s, "
+        f"exposure {exposure:+.2f} EV",
+        err=True,
+    )
+
+
+def _triangles(loaded: LoadedScene) -> int:
+    return sum(len(item.mesh.triangles) for item in loaded.scene.objects)
+
+
+def _size(text: str) -> tuple[int, int]:
+    from lightwell.errors import LightwellError
+    from lightwell.scene_settings import MAX_SIDE
+
+    try:
+        width, height = (int(part) for part in text.lower().replace("×", "x").split("x"))
+    except ValueError:
+        raise LightwellError(f"--size: {text!r}: must be width and height in pixels, such as 640x480") from None
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise LightwellError(f"--size: {text!r}: must lie between 1x1 and {MAX_SIDE}x{MAX_SIDE}")
+    return width, height
