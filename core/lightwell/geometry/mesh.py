@@ -97,11 +97,12 @@ def face_normals(positions: Float32s, triangles: Int32s) -> tuple[NDArray[np.flo
     return cross / np.maximum(doubled, np.finfo(np.float64).tiny)[:, None], doubled / 2
 
 
-def vertex_normals(positions: Float32s, triangles: Int32s) -> NDArray[np.float64]:
+def vertex_normals(positions: Float32s, triangles: Int32s, towards: Float32s | None = None) -> NDArray[np.float64]:
     """Return the mean normal of the triangles round each vertex, ``(V, 3)`` unit vectors or zero.
 
     Triangles count by their angle at the vertex (Thürmer and Wüthrich 1998), so that it does not matter how a polygon
-    was cut into triangles.
+    was cut into triangles. With ``towards (V, 3)`` each triangle's normal is turned to the side of that vector of the
+    vertex, whichever way the triangle is wound.
     """
     normals, _ = face_normals(positions, triangles)
     corners = positions.astype(np.float64)[triangles]
@@ -109,10 +110,12 @@ def vertex_normals(positions: Float32s, triangles: Int32s) -> NDArray[np.float64
     for corner in range(3):
         one = corners[:, (corner + 1) % 3] - corners[:, corner]
         other = corners[:, (corner + 2) % 3] - corners[:, corner]
-        angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("fi,fi->f", one, other))
+        share = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("fi,fi->f", one, other))
+        if towards is not None:
+            share = share * np.where(np.einsum("fi,fi->f", normals, towards[triangles[:, corner]]) < 0, -1, 1)
         for axis in range(3):
             # Without triangles, bincount forgets the type of its weights.
-            sums = np.bincount(triangles[:, corner], angle * normals[:, axis], minlength=len(positions))
+            sums = np.bincount(triangles[:, corner], share * normals[:, axis], minlength=len(positions))
             total[:, axis] += sums.astype(np.float64)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.asarray(np.divide(total, length, out=np.zeros_like(total), where=length > 1e-9))
