@@ -18,7 +18,7 @@ import {
   type WebGLRenderer,
 } from "three";
 
-import { WITHOUT_NEGATIVES, harmonics } from "./glsl.ts";
+import { PICTURED, WITHOUT_NEGATIVES, harmonics } from "./glsl.ts";
 import type { LightUniforms } from "./materials.ts";
 import { PAGE_BANDS } from "./sh.ts";
 import type { Backdrop } from "./wire.ts";
@@ -39,35 +39,11 @@ void main() {
 const FRAGMENT = /* glsl */ `
 varying vec3 direction;
 #ifdef PICTURE
-  uniform sampler2D picture;
-  uniform vec2 size;
-  uniform float k;
-  uniform float cap;
-  // Cubic B-spline by four bilinear samples: the picture is much coarser than the screen.
-  vec3 sampleSmoothly(vec2 uv) {
-    vec2 position = uv * size - 0.5;
-    vec2 f = fract(position);
-    vec2 base = position - f;
-    vec2 f2 = f * f;
-    vec2 f3 = f2 * f;
-    vec2 w0 = (1.0 - 3.0 * f + 3.0 * f2 - f3) / 6.0;
-    vec2 w1 = (4.0 - 6.0 * f2 + 3.0 * f3) / 6.0;
-    vec2 w3 = f3 / 6.0;
-    vec2 g0 = w0 + w1;
-    vec2 g1 = 1.0 - g0;
-    vec2 lower = (base - 0.5 + w1 / g0) / size;
-    vec2 upper = (base + 1.5 + w3 / g1) / size;
-    return g0.y * (g0.x * texture2D(picture, lower).rgb + g1.x * texture2D(picture, vec2(upper.x, lower.y)).rgb)
-      + g1.y * (g0.x * texture2D(picture, vec2(lower.x, upper.y)).rgb + g1.x * texture2D(picture, upper).rgb);
-  }
-  // Row 0 is +Z; the log curve of wire.Backdrop is undone.
-  vec3 radianceFrom(vec3 d) {
-    vec2 uv = vec2(atan(d.y, d.x) / 6.28318530718, acos(clamp(d.z, -1.0, 1.0)) / 3.14159265359);
-    return (exp2(sampleSmoothly(uv) * log2(1.0 + k * cap)) - 1.0) / k;
-  }
+${PICTURED}
+  vec3 radianceFrom(vec3 d) { return pictured(d); }
 #else
-  uniform vec3 light[${PAGE_BANDS * PAGE_BANDS}];
-  ${harmonics("lightAt", "light", PAGE_BANDS)}
+  uniform vec3 surround[${PAGE_BANDS * PAGE_BANDS}];
+  ${harmonics("lightAt", "surround", PAGE_BANDS)}
   ${WITHOUT_NEGATIVES}
   vec3 radianceFrom(vec3 d) { return withoutNegatives(lightAt(d)); }
 #endif
@@ -111,6 +87,7 @@ export class Surroundings {
     private readonly camera: PerspectiveCamera,
     light: LightUniforms,
   ) {
+    light.picture["picture"]!.value = this.texture;
     this.texture.colorSpace = NoColorSpace;
     this.texture.wrapS = RepeatWrapping;
     this.texture.minFilter = this.texture.magFilter = LinearFilter;
@@ -126,11 +103,8 @@ export class Surroundings {
       uniforms: {
         worldFromCamera: { value: camera.matrixWorld },
         cameraFromClip: { value: camera.projectionMatrixInverse },
-        light: light.light,
-        picture: { value: this.texture },
-        size: { value: new Vector2(1, 1) },
-        k: { value: 1 },
-        cap: { value: 1 },
+        surround: light.surround,
+        ...light.picture,
       },
     });
     const enlarge = new ShaderMaterial({
@@ -152,9 +126,9 @@ export class Surroundings {
     this.stale = true;
   }
 
-  /** The harmonics are shown, so that new light means new surroundings. */
-  get followsLight(): boolean {
-    return !("PICTURE" in this.material.defines);
+  /** What is shown, and what a mirror reflects. */
+  get source(): "picture" | "harmonics" {
+    return "PICTURE" in this.material.defines ? "picture" : "harmonics";
   }
 
   /** Draw the small target anew where that is needed. */
@@ -190,13 +164,13 @@ export class Surroundings {
     const { bitmap, message } = this.decoded;
     this.decoded = null;
     const { uniforms } = this.material;
-    const size = uniforms["size"]!.value as Vector2;
+    const size = uniforms["pictureSize"]!.value as Vector2;
     const previous = this.texture.image as ImageBitmap | null | undefined;
     // A texture's storage keeps its size.
     if (size.x !== bitmap.width || size.y !== bitmap.height) this.texture.dispose();
     size.set(bitmap.width, bitmap.height);
-    uniforms["k"]!.value = message.k;
-    uniforms["cap"]!.value = message.cap;
+    uniforms["pictureK"]!.value = message.k;
+    uniforms["pictureCap"]!.value = message.cap;
     this.texture.image = bitmap;
     this.texture.needsUpdate = true;
     previous?.close();

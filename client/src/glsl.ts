@@ -3,7 +3,7 @@
 
 import { PAGE_BANDS, diagonal, recurrence } from "./sh.ts";
 
-function literal(value: number): string {
+export function literal(value: number): string {
   const text = String(Number(value.toPrecision(9)));
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
@@ -52,11 +52,60 @@ vec3 withoutNegatives(vec3 rgb) {
 /** How many vec4 attributes carry the transfer coefficients of a vertex. */
 export const TRANSFER_SLOTS = Math.ceil((PAGE_BANDS * PAGE_BANDS) / 4);
 
-/** Return a function `vec3 name()` that sums transfer coefficients (attributes `transfer0` …) times the light. */
-export function transferred(name: string, coefficients: string): string {
-  const terms = Array.from({ length: PAGE_BANDS * PAGE_BANDS }, (_, i) => {
-    return `transfer${i >> 2}.${"xyzw"[i & 3]} * ${coefficients}[${i}]`;
-  });
-  const attributes = Array.from({ length: TRANSFER_SLOTS }, (_, slot) => `attribute vec4 transfer${slot};`);
-  return [...attributes, `vec3 ${name}() {`, `  return ${terms.join(" +\n    ")};`, "}"].join("\n");
+/** Declare floats `name0` … with the values of the basis functions of `bands` bands at the unit vector `d`. */
+export function basisValues(name: string, d: string, bands: number): string {
+  const lines: string[] = [];
+  const start = diagonal(bands);
+  for (let m = 0; m < bands; m++) {
+    const [c, s] = [`${name}c${m}`, `${name}s${m}`];
+    const [before, sBefore] = [`${name}c${m - 1}`, `${name}s${m - 1}`];
+    if (m === 1) lines.push(`float ${c} = ${d}.x, ${s} = ${d}.y;`);
+    if (m > 1) {
+      lines.push(`float ${c} = ${d}.x * ${before} - ${d}.y * ${sBefore}, ${s} = ${d}.x * ${sBefore} + ${d}.y * ${before};`);
+    }
+    let previous = "";
+    let current = literal(start[m]!);
+    for (let l = m; l < bands; l++) {
+      if (l > m) {
+        const { a, b } = recurrence(l, m);
+        const value = previous === "" ? `${d}.z * ${current}` : `(${d}.z * ${current} - ${literal(b)} * ${previous})`;
+        lines.push(`float ${name}q${l}_${m} = ${literal(a)} * ${value};`);
+        [previous, current] = [current, `${name}q${l}_${m}`];
+      }
+      const at = l * l + l;
+      lines.push(`float ${name}${at + m} = ${current}${m === 0 ? "" : ` * ${c}`};`);
+      if (m > 0) lines.push(`float ${name}${at - m} = ${current} * ${s};`);
+    }
+  }
+  return lines.join("\n  ");
 }
+
+/**
+ * `vec3 pictured(vec3 direction)`: radiance from the backdrop's picture. It is much coarser than the screen, so it is
+ * enlarged by a cubic B-spline, made of four bilinear samples; the log curve of wire.Backdrop is undone. Row 0 is +Z.
+ */
+export const PICTURED = /* glsl */ `
+uniform sampler2D picture;
+uniform vec2 pictureSize;
+uniform float pictureK;
+uniform float pictureCap;
+vec3 sampledSmoothly(vec2 uv) {
+  vec2 position = uv * pictureSize - 0.5;
+  vec2 f = fract(position);
+  vec2 base = position - f;
+  vec2 f2 = f * f;
+  vec2 f3 = f2 * f;
+  vec2 w0 = (1.0 - 3.0 * f + 3.0 * f2 - f3) / 6.0;
+  vec2 w1 = (4.0 - 6.0 * f2 + 3.0 * f3) / 6.0;
+  vec2 w3 = f3 / 6.0;
+  vec2 g0 = w0 + w1;
+  vec2 g1 = 1.0 - g0;
+  vec2 lower = (base - 0.5 + w1 / g0) / pictureSize;
+  vec2 upper = (base + 1.5 + w3 / g1) / pictureSize;
+  return g0.y * (g0.x * texture2D(picture, lower).rgb + g1.x * texture2D(picture, vec2(upper.x, lower.y)).rgb)
+    + g1.y * (g0.x * texture2D(picture, vec2(lower.x, upper.y)).rgb + g1.x * texture2D(picture, upper).rgb);
+}
+vec3 pictured(vec3 d) {
+  vec2 uv = vec2(atan(d.y, d.x) / 6.28318530718, acos(clamp(d.z, -1.0, 1.0)) / 3.14159265359);
+  return (exp2(sampledSmoothly(uv) * log2(1.0 + pictureK * pictureCap)) - 1.0) / pictureK;
+}`;

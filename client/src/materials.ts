@@ -1,110 +1,139 @@
-// Surfaces lit by spherical harmonics. Three compiles these shaders as GLSL ES 3.00.
+// Surfaces lit by spherical harmonics: a material picks the shader that its mesh and the light need.
 
-import { Color, ShaderMaterial } from "three";
+import { Color, ShaderMaterial, Texture, Vector2, Vector3, type Data3DTexture, type DataTexture, type IUniform } from "three";
 
-import { WITHOUT_NEGATIVES, harmonics, transferred } from "./glsl.ts";
+import type { Field } from "./grid/field.ts";
 import { PAGE_BANDS, lambertFactors, phongFactors, scaleBands, withBands } from "./sh.ts";
+import { litShader, type FieldVariant, type TransferVariant, type Variant } from "./shader.ts";
 
 const COUNT = PAGE_BANDS * PAGE_BANDS;
-/** Bands up to which nine coefficients make all of the irradiance: Lambert's factor of degree 3 is zero. */
-const FEW_BANDS = 4;
+export const DARKNESS = new Float32Array(3 * COUNT);
 
-const VERTEX = /* glsl */ `
-uniform vec3 light[${COUNT}];
-uniform float transferScale;
-${transferred("transferredIrradiance", "light")}
-varying vec3 worldPosition;
-varying vec3 worldNormal;
-varying vec3 irradiance;
-varying float visibility;
-void main() {
-  vec4 world = modelMatrix * vec4(position, 1.0);
-  worldPosition = world.xyz;
-  worldNormal = normal;
-  irradiance = transferScale * transferredIrradiance();
-  // Share of the cosine-weighted hemisphere that is open: t_00 against π Y_00.
-  visibility = transferScale * transfer0.x / 0.886226925;
-  gl_Position = projectionMatrix * viewMatrix * world;
-}`;
+/** The light of a moment, as it is to be drawn. */
+export interface Illumination {
+  /** Light that comes from afar to every place; `null`: none. */
+  distant: Float32Array | null;
+  /** Light that differs from place to place; `null`: none. */
+  field: Field | null;
+  /** What the field is multiplied with, a channel. */
+  gain: readonly [number, number, number];
+  /** What is behind the objects, where no picture is. */
+  surround: Float32Array;
+}
 
-const FRAGMENT = /* glsl */ `
-uniform vec3 diffuse[${COUNT}];
-uniform vec3 glossy[${COUNT}];
-uniform vec3 albedo;
-uniform float gloss;
-varying vec3 worldPosition;
-varying vec3 worldNormal;
-varying vec3 irradiance;
-varying float visibility;
-#ifdef MANY_BANDS
-${harmonics("diffuseAt", "diffuse", PAGE_BANDS)}
-#else
-${harmonics("diffuseAt", "diffuse", 3)}
-#endif
-${harmonics("glossyAt", "glossy", PAGE_BANDS)}
-${WITHOUT_NEGATIVES}
-void main() {
-  vec3 n = normalize(worldNormal);
-  #ifdef SHADOWS
-    vec3 received = irradiance;
-    float open = clamp(visibility, 0.0, 1.0);
-  #else
-    vec3 received = diffuseAt(n);
-    float open = 1.0;
-  #endif
-  vec3 matte = albedo * withoutNegatives(received) / 3.14159265359;
-  #ifdef GLOSSY
-    vec3 reflected = reflect(normalize(worldPosition - cameraPosition), n);
-    vec3 polished = withoutNegatives(glossyAt(reflected)) * open;
-    gl_FragColor = vec4(mix(matte, polished, gloss), 1.0);
-  #else
-    gl_FragColor = vec4(matte, 1.0);
-  #endif
-  #include <tonemapping_fragment>
-  #include <colorspace_fragment>
-}`;
+export const DARK: Illumination = { distant: DARKNESS, field: null, gain: [1, 1, 1], surround: DARKNESS };
 
-/** Coefficients of the current light, premultiplied for each use. One object serves every material. */
+/** Uniforms of the current light, premultiplied for each use. One object serves every material. */
 export class LightUniforms {
   readonly light: { value: Float32Array } = { value: new Float32Array(3 * COUNT) };
   readonly diffuse: { value: Float32Array } = { value: new Float32Array(3 * COUNT) };
   readonly glossy: { value: Float32Array } = { value: new Float32Array(3 * COUNT) };
-  private manyBands = true;
+  readonly surround: { value: Float32Array } = { value: new Float32Array(3 * COUNT) };
+  readonly lobe: { value: Float32Array } = { value: new Float32Array(PAGE_BANDS) };
+  readonly field: Record<string, IUniform> = {
+    field: { value: null as Data3DTexture | null },
+    fieldLower: { value: new Vector3() },
+    fieldPerMetre: { value: new Vector3(1, 1, 1) },
+    fieldCells: { value: new Vector3(1, 1, 1) },
+    fieldTexel: { value: new Vector3(1, 1, 1) },
+    fieldStep: { value: new Vector2() },
+    fieldGain: { value: new Vector3(1, 1, 1) },
+  };
+  readonly picture: Record<string, IUniform> = {
+    picture: { value: new Texture() },
+    pictureSize: { value: new Vector2(1, 1) },
+    pictureK: { value: 1 },
+    pictureCap: { value: 1 },
+  };
+  bands = PAGE_BANDS;
+  distant = true;
+  sampling: FieldVariant["sampling"] = "vertex";
+  fieldVariant: FieldVariant | null = null;
+  /** What a mirror shows. */
+  behind: "picture" | "harmonics" = "harmonics";
 
   /** Take over new light; `bands` may cut off its fine detail. */
-  set(coefficients: Float32Array, bands: number, exponent: number): void {
-    const light = withBands(withBands(coefficients, bands), PAGE_BANDS);
-    this.manyBands = bands > FEW_BANDS;
+  set({ distant, field, gain, surround }: Illumination, bands: number, exponent: number): void {
+    const light = withBands(withBands(distant ?? DARKNESS, bands), PAGE_BANDS);
+    const factors = phongFactors(exponent, PAGE_BANDS);
+    this.bands = bands;
+    this.distant = distant !== null;
     this.light.value = light;
     this.diffuse.value = scaleBands(light, lambertFactors(PAGE_BANDS));
-    this.glossy.value = scaleBands(light, phongFactors(exponent, PAGE_BANDS));
-  }
-
-  /** Choose the shader's variant; it is compiled anew only when that changes. */
-  apply(material: ShaderMaterial, shadows: boolean): void {
-    const glossy = (material.uniforms["gloss"]!.value as number) > 0;
-    for (const [name, wanted] of Object.entries({ SHADOWS: shadows, MANY_BANDS: this.manyBands, GLOSSY: glossy })) {
-      if (name in material.defines === wanted) continue;
-      if (wanted) material.defines[name] = 1;
-      else delete material.defines[name];
-      material.needsUpdate = true;
-    }
+    this.glossy.value = scaleBands(light, factors);
+    this.surround.value = withBands(withBands(surround, bands), PAGE_BANDS);
+    this.lobe.value = Float32Array.from(factors);
+    this.fieldVariant = field === null ? null : { sampling: this.sampling, stored: field.stored, columns: field.layout.columns };
+    if (field !== null) field.describe(this.field, gain);
   }
 }
 
-/** A surface that mixes a matte part (`gloss` 0) and a Phong lobe (`gloss` 1). */
-export function litMaterial(light: LightUniforms, colour: string, gloss: number): ShaderMaterial {
-  return new ShaderMaterial({
-    vertexShader: VERTEX,
-    fragmentShader: FRAGMENT,
-    defines: { SHADOWS: 1, MANY_BANDS: 1, GLOSSY: 1 },
-    uniforms: {
-      light: light.light,
-      diffuse: light.diffuse,
-      glossy: light.glossy,
-      albedo: { value: new Color(colour) },
-      gloss: { value: gloss },
-      transferScale: { value: 1 },
-    },
-  });
+export interface Surface {
+  /** Linear when set through `Color`; `#rrggbb` is sRGB. */
+  albedo: Color;
+  /** 0: matte, 1: a Phong lobe. */
+  gloss: number;
+  /** Weight of the mirrored backdrop. */
+  mirror: number;
+}
+
+/** What a mesh brings along for its material. */
+export interface MeshTraits {
+  transfer: (TransferVariant & { scale: number; table?: DataTexture; perRow?: number }) | null;
+  coloured: boolean;
+}
+
+/** A surface that mixes a matte part (`gloss` 0) and a Phong lobe (`gloss` 1), and may mirror its surroundings. */
+export class LitMaterial extends ShaderMaterial {
+  readonly surface: Surface = { albedo: new Color(), gloss: 0, mirror: 0 };
+  private key = "";
+
+  constructor(
+    private readonly lightUniforms: LightUniforms,
+    readonly traits: MeshTraits = { transfer: null, coloured: false },
+    private readonly axes: Variant["axes"] = "lightwell",
+  ) {
+    super({
+      uniforms: {
+        light: lightUniforms.light,
+        diffuse: lightUniforms.diffuse,
+        glossy: lightUniforms.glossy,
+        surround: lightUniforms.surround,
+        lobe: lightUniforms.lobe,
+        ...lightUniforms.field,
+        ...lightUniforms.picture,
+        albedo: { value: null },
+        gloss: { value: 0 },
+        mirror: { value: 0 },
+        transferScale: { value: traits.transfer?.scale ?? 1 },
+        transferTable: { value: traits.transfer?.table ?? null },
+        transferPerRow: { value: traits.transfer?.perRow ?? 1 },
+      },
+    });
+    this.uniforms["albedo"]!.value = this.surface.albedo;
+    this.refresh(true);
+  }
+
+  /** Take over the surface and the light; the shader is compiled anew only when its variant changes. */
+  refresh(shadows: boolean): void {
+    const { gloss, mirror } = this.surface;
+    this.uniforms["gloss"]!.value = gloss;
+    this.uniforms["mirror"]!.value = mirror;
+    const { transfer, coloured } = this.traits;
+    const variant: Variant = {
+      bands: this.lightUniforms.bands,
+      distant: this.lightUniforms.distant,
+      field: this.lightUniforms.fieldVariant,
+      transfer: shadows && transfer !== null ? { bands: transfer.bands, from: transfer.from } : null,
+      glossy: gloss > 0,
+      mirror: mirror > 0 ? this.lightUniforms.behind : "none",
+      coloured,
+      axes: this.axes,
+    };
+    const key = JSON.stringify(variant);
+    if (key === this.key) return;
+    this.key = key;
+    Object.assign(this, litShader(variant));
+    this.needsUpdate = true;
+  }
 }

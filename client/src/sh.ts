@@ -65,6 +65,15 @@ export function phongMoments(exponent: number, bands: number): number[] {
   return moments.slice(0, bands);
 }
 
+/**
+ * Relative L2 error of a Phong lobe that is cut off after `bands` bands [§8]: what the shader cannot show of it. The
+ * lobe's energy is 2π/(2s+1), that of its degree l is π (2l+1) I_l².
+ */
+export function phongTruncation(exponent: number, bands: number): number {
+  const kept = phongMoments(exponent, bands).reduce((sum, moment, l) => sum + (2 * l + 1) * moment * moment, 0);
+  return Math.sqrt(Math.max(0, 1 - ((2 * exponent + 1) / 2) * kept));
+}
+
 /** Multiply every coefficient of degree l by `factors[l]`; degrees without a factor become 0. */
 export function scaleBands(coefficients: Coefficients, factors: readonly number[]): Float32Array {
   const scaled = new Float32Array(coefficients.length);

@@ -1,11 +1,13 @@
 // The lit objects: a bunny, a ball and a round table, baked by tools/bake_scene.py with their diffuse transfer.
 
 import { BufferAttribute, BufferGeometry, InterleavedBuffer, InterleavedBufferAttribute, Mesh, Sphere, Vector3 } from "three";
-import type { ShaderMaterial } from "three";
 
 import { TRANSFER_SLOTS } from "./glsl.ts";
+import { LitMaterial, type LightUniforms } from "./materials.ts";
 
 export type PartName = "bunny" | "ball" | "table";
+
+export type LitMesh = Mesh<BufferGeometry, LitMaterial>;
 
 interface Header {
   vertices: number;
@@ -20,14 +22,8 @@ const FIRST_LANE = { position: 0, normal: 4, transfer: 8 };
 /** What the camera frames, world axes. */
 export const BOUNDS = new Sphere(new Vector3(0.12, -0.08, 0.5), 1.82);
 
-export interface StillLife {
-  meshes: Mesh[];
-  /** What a transfer attribute has to be multiplied by. */
-  transferScale: number;
-}
-
 /** Fetch the file and make one mesh a part; raises `Error` where it cannot be had. */
-export async function loadStillLife(url: string, materials: Record<PartName, ShaderMaterial>): Promise<StillLife> {
+export async function loadStillLife(url: string, light: LightUniforms): Promise<Record<PartName, LitMesh>> {
   const response = await fetch(url);
   if (!response.ok || response.body === null) throw new Error(`${url}: ${response.status} ${response.statusText}`);
   const unzipped = response.body.pipeThrough(new DecompressionStream("gzip"));
@@ -41,6 +37,7 @@ export async function loadStillLife(url: string, materials: Record<PartName, Sha
   const buffer = new InterleavedBuffer(lanes, LANES);
   const attribute = (size: number, lane: number) => new InterleavedBufferAttribute(buffer, size, lane, true);
   const index = new BufferAttribute(triangles, 1);
+  const transfer = { bands: header.bands, from: "attributes", scale: header.scales.transfer } as const;
   const meshes = header.parts.map(({ name, start, count }) => {
     const geometry = new BufferGeometry();
     geometry.setIndex(index);
@@ -50,11 +47,11 @@ export async function loadStillLife(url: string, materials: Record<PartName, Sha
     for (let slot = 0; slot < TRANSFER_SLOTS; slot++) {
       geometry.setAttribute(`transfer${slot}`, attribute(4, FIRST_LANE.transfer + 4 * slot));
     }
-    const mesh = new Mesh(geometry, materials[name]);
+    const mesh = new Mesh(geometry, new LitMaterial(light, { transfer, coloured: false }));
     mesh.name = name;
     mesh.scale.setScalar(header.scales.position);
     mesh.frustumCulled = false;
-    return mesh;
+    return [name, mesh] as const;
   });
-  return { meshes, transferScale: header.scales.transfer };
+  return Object.fromEntries(meshes) as Record<PartName, LitMesh>;
 }

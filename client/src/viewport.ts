@@ -7,35 +7,46 @@ import {
   PerspectiveCamera,
   Raycaster,
   Scene,
+  Sphere,
   Spherical,
   Vector2,
   Vector3,
   WebGLRenderer,
-  type Mesh,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
+import { apiUrl } from "./api.ts";
 import { Surroundings } from "./backdrop.ts";
 import { nowMs } from "./clock.ts";
+import { limitsOf, loadField, type Field } from "./grid/field.ts";
+import { Gizmo } from "./grid/gizmo.ts";
+import { illuminate, type Lighting } from "./grid/illuminate.ts";
 import { NO_GRID, type GridInfo, type GridState } from "./grid/info.ts";
 import type { Modulation } from "./grid/modulate.ts";
+import { Volume } from "./grid/volume.ts";
 import type { Light, LiveStream } from "./live.ts";
-import { LightUniforms, litMaterial } from "./materials.ts";
+import { DARK, LightUniforms } from "./materials.ts";
+import { loadOwnObject } from "./objects/own.ts";
+import type { Subject } from "./objects/subject.ts";
+import { loadTransfer } from "./objects/transfer.ts";
 import { Rate } from "./rate.ts";
-import { meanLuminance } from "./sh.ts";
-import { BOUNDS, loadStillLife } from "./stilllife.ts";
-import { EV_RANGE, change, view, type View } from "./view.ts";
+import { meanLuminance, withBands, type Vector3 as Triple } from "./sh.ts";
+import { BOUNDS } from "./stilllife.ts";
+import { EV_RANGE, OWN_OBJECTS, change, view, type View } from "./view.ts";
+import type { Backdrop } from "./wire.ts";
 
 const FIELD_OF_VIEW_DEGREES = 36;
 const HOME_DIRECTION = new Vector3(0.3, -1, 0.3).normalize();
 /** Without a graphics card the cost of a picture is its pixels. */
 const SOFTWARE_PIXEL_RATIO = 0.75;
 const ARROW_LENGTH = 0.65;
-const BALL = { colour: "#ffffff", gloss: 0.92 };
-const TABLE = { colour: "#77736d", gloss: 0 };
+/** Radius of the object in a grid, of the box's shortest edge (of the longest at least half of that). */
+const SIZE_IN_GRID = 0.14;
 /** Mean radiance of the light, exposed, that looks right on the objects and behind them. */
 const METERED_LEVEL = 0.3;
 const ADAPTATION_MS = 700;
+/** Differences of exposure that nobody sees, EV. */
+const ADAPTED_EV = 0.005;
 
 /** Pixels of the window that the panel covers, on the right and at the bottom. */
 export interface Covered {
@@ -63,18 +74,27 @@ export class Viewport {
   private readonly camera = new PerspectiveCamera(FIELD_OF_VIEW_DEGREES, 1, 0.05, 200);
   private readonly controls: OrbitControls;
   private readonly light = new LightUniforms();
-  private readonly materials = {
-    bunny: litMaterial(this.light, "#ffffff", 0),
-    ball: litMaterial(this.light, BALL.colour, BALL.gloss),
-    table: litMaterial(this.light, TABLE.colour, TABLE.gloss),
-  };
   private readonly surroundings: Surroundings;
+  private readonly volume = new Volume(this.light);
+  private readonly gizmo: Gizmo;
+  private field: Field | null = null;
+  private subject: Subject | null = null;
+  /** The object that is shown or on its way: a name of the page's own, or a job. */
+  private wantedObject = "";
+  private fetchingGrid = new AbortController();
+  private fetchingObject = new AbortController();
+  /** The light as it is drawn. */
+  private lighting: Lighting = { illumination: DARK, modulation: null };
+  /** Mean radiance that the exposure is metered on; `null` before there is any light. */
+  private level: number | null = null;
+  private adapted = false;
   private readonly arrow = new ArrowHelper(new Vector3(0, 0, -1), new Vector3(), ARROW_LENGTH, 0xffffff, 0.22, 0.12);
-  private objects: Mesh[] = [];
   private covered: Covered = { right: 0, bottom: 0 };
   private dirty = true;
   private fence: WebGLSync | null = null;
   private dragging = false;
+  /** The first object, which the start waits for. */
+  private firstObject: Promise<void> = Promise.resolve();
   /** The user has dragged, and the motion has not come to rest. */
   private moved = false;
   private appliedCamera: View["camera"] = null;
@@ -108,7 +128,18 @@ export class Viewport {
     this.controls.addEventListener("change", () => this.surroundings.invalidate());
 
     this.surroundings = new Surroundings(this.camera, this.light);
-    this.scene.add(this.surroundings.mesh, this.arrow);
+    this.gizmo = new Gizmo(this.camera, canvas, {
+      drag: (active) => (this.controls.enabled = !active),
+      move: (place) => this.moveTo(place),
+      changed: () => (this.dirty = true),
+    });
+    this.scene.add(this.surroundings.mesh, this.arrow, this.volume.group, this.gizmo.group);
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.field?.forgetUpload();
+      this.field?.upload(this.renderer);
+      this.surroundings.invalidate();
+      this.dirty = true;
+    });
     canvas.addEventListener("dblclick", (event) => this.focus(event));
     new ResizeObserver(() => this.resize()).observe(canvas);
     view.subscribe((value) => this.applyView(value));
@@ -118,11 +149,7 @@ export class Viewport {
   /** Fetch the objects and start to draw. */
   async start(): Promise<void> {
     this.renderer.setAnimationLoop(() => this.update());
-    const { meshes, transferScale } = await loadStillLife(new URL("scene.bin", document.baseURI).href, this.materials);
-    for (const material of Object.values(this.materials)) material.uniforms["transferScale"]!.value = transferScale;
-    this.objects = meshes;
-    this.scene.add(...meshes);
-    this.dirty = true;
+    await this.firstObject;
   }
 
   /** Forget another stream's light. */
@@ -133,22 +160,55 @@ export class Viewport {
     this.dirty = true;
   }
 
-  /** Hold this light, one of the last seconds; `null`: follow the newest again. */
-  setTime(light: Light | null): void {
+  /** Hold this light, one of the last seconds, and the picture of its time; `null`: follow the newest again. */
+  setTime(light: Light | null, picture: Backdrop | null = null): void {
     this.held = light;
+    if (picture !== null) this.surroundings.offer(picture);
   }
 
-  /** Load a grid and light the objects with it; `null` takes it away. Raises `Error` with the reason in words. */
+  /** Load a grid, to light the objects with; `null` takes it away. Raises `Error` with the reason in words. */
   showGrid(id: string): Promise<GridInfo>;
   showGrid(id: null): Promise<null>;
   showGrid(id: string | null): Promise<GridInfo | null>;
-  showGrid(id: string | null): Promise<GridInfo | null> {
-    return id === null ? Promise.resolve(null) : Promise.reject(new Error("not yet"));
+  async showGrid(id: string | null): Promise<GridInfo | null> {
+    this.fetchingGrid.abort();
+    const { signal } = (this.fetchingGrid = new AbortController());
+    this.gridState = id === null ? NO_GRID : { loading: 0, info: null, problem: "" };
+    if (id === null) {
+      this.takeField(null);
+      return null;
+    }
+    const folder = apiUrl(document.baseURI, `artifacts/${encodeURIComponent(id)}`);
+    try {
+      const field = await loadField(folder, id, limitsOf(this.renderer), signal, (loading, info) => {
+        if (!signal.aborted) this.gridState = { loading, info, problem: "" };
+      });
+      signal.throwIfAborted();
+      field.upload(this.renderer);
+      this.gridState = { loading: 1, info: field.info, problem: "" };
+      this.takeField(field);
+      return field.info;
+    } catch (error) {
+      if (!signal.aborted) {
+        this.gridState = { ...this.gridState, loading: 1, problem: (error as Error).message };
+        this.takeField(null);
+      }
+      throw error;
+    }
   }
 
   /** Show the meshes of a finished transfer job. Raises `Error` with the reason in words. */
-  showTransfer(_jobId: string): Promise<void> {
-    return Promise.reject(new Error("not yet"));
+  showTransfer(jobId: string): Promise<void> {
+    return this.show(jobId, (signal) => loadTransfer(jobId, this.light, signal));
+  }
+
+  /** Move the object in the grid by shares of the grid's edges, world axes. */
+  nudge(x: number, y: number, z: number): void {
+    if (this.field === null) return;
+    const { lower, upper } = this.field.info;
+    const place = this.place3(view.peek());
+    const moved = [x, y, z].map((share, k) => place[k]! + share * (upper[k]! - lower[k]!));
+    this.moveTo(moved as unknown as Triple);
   }
 
   cover(covered: Covered): void {
@@ -165,7 +225,8 @@ export class Viewport {
   /** Frame the objects from where the camera is. */
   frame(): void {
     const direction = this.camera.position.clone().sub(this.controls.target).normalize();
-    this.place(BOUNDS.center, direction);
+    const { center, radius } = this.framed();
+    this.place(center, direction, radius);
     this.rememberCamera();
   }
 
@@ -200,10 +261,10 @@ export class Viewport {
   private update(): void {
     const newest = this.held ?? this.live.light;
     if ((!this.paused || this.held !== null) && newest !== this.shown) {
-      if (newest !== null) this.meter(newest);
       this.shown = newest;
       this.applyLight(view.peek());
     }
+    this.adapt();
     if (this.live.backdrop !== null && !this.paused) {
       this.surroundings.offer(this.live.backdrop);
       this.live.backdrop = null;
@@ -239,15 +300,22 @@ export class Viewport {
     this.drawn.add(nowMs());
   }
 
-  private meter(light: Light): void {
-    const level = meanLuminance(light.coefficients);
-    const wanted = level > 0 ? Math.log2(METERED_LEVEL / level) : 0;
+  /** Let the exposure follow the light, a little with each picture. */
+  private adapt(): void {
     const timeMs = nowMs();
-    const share = this.shown === null ? 1 : 1 - Math.exp(-(timeMs - this.meteredMs) / ADAPTATION_MS);
-    const adapted = this.meteredEv + share * (wanted - this.meteredEv);
-    this.meteredEv = Math.min(EV_RANGE.max, Math.max(EV_RANGE.min, adapted));
+    const elapsedMs = timeMs - this.meteredMs;
     this.meteredMs = timeMs;
+    if (this.level === null) return;
+    const wanted = this.level > 0 ? Math.log2(METERED_LEVEL / this.level) : 0;
+    const bounded = Math.min(EV_RANGE.max, Math.max(EV_RANGE.min, wanted));
+    if (Math.abs(bounded - this.meteredEv) < ADAPTED_EV) return;
+    // The first light is seen at once.
+    const share = this.adapted ? 1 - Math.exp(-elapsedMs / ADAPTATION_MS) : 1;
+    this.adapted = true;
+    this.meteredEv += share * (bounded - this.meteredEv);
+    if (view.peek().ev !== null) return;
     this.expose(view.peek());
+    this.dirty = true;
   }
 
   private expose({ ev }: View): void {
@@ -256,14 +324,20 @@ export class Viewport {
 
   private applyView(value: View): void {
     this.expose(value);
-    const { bunny } = this.materials;
-    (bunny.uniforms["albedo"]!.value as Color).set(value.colour);
-    bunny.uniforms["gloss"]!.value = value.gloss;
     this.surroundings.mesh.visible = value.backdrop !== "off";
-    this.surroundings.preferPicture(value.backdrop === "picture");
-    this.live.setBackdrop(value.backdrop === "picture");
-    if (value.camera !== this.appliedCamera) this.applyCamera(value.camera);
+    // A grid's light is that of another place than the picture's; a mirror wants the picture even where it is not seen.
+    const wantsPicture = value.light !== "grid" && (value.backdrop === "picture" || (value.backdrop === "off" && value.mirror > 0));
+    this.surroundings.preferPicture(wantsPicture);
+    this.live.setBackdrop(wantsPicture);
+    if ((OWN_OBJECTS as readonly string[]).includes(value.object) && value.object !== this.wantedObject) {
+      const name = value.object as (typeof OWN_OBJECTS)[number];
+      this.firstObject = this.show(name, () => loadOwnObject(name, this.light));
+      // `start` waits for the first; of later ones the file is there already.
+      this.firstObject.catch(() => undefined);
+    }
     this.applyLight(value);
+    // The camera's home depends on what there is to be framed.
+    if (value.camera !== this.appliedCamera) this.applyCamera(value.camera);
   }
 
   private applyCamera(camera: View["camera"]): void {
@@ -279,18 +353,97 @@ export class Viewport {
   }
 
   private applyLight(value: View): void {
-    if (this.shown !== null) this.light.set(this.shown.coefficients, value.bands, value.exponent);
-    for (const material of Object.values(this.materials)) this.light.apply(material, value.shadows);
-    if (this.surroundings.followsLight) this.surroundings.invalidate();
-    const dominant = this.shown?.frame.dominant ?? null;
+    const field = value.light === "stream" ? null : this.field;
+    const place = this.place3(value);
+    const lighting = illuminate(value.light, this.shown?.coefficients ?? null, field, place);
+    // Until there is light of the kind that is asked for, the last stays.
+    if (lighting !== null) this.lighting = lighting;
+    const { illumination, modulation } = this.lighting;
+    this.modulation = modulation;
+    if (lighting !== null) this.level = meanLuminance(withBands(illumination.surround, 1));
+    this.light.sampling = value.sampling;
+    this.light.behind = this.surroundings.source;
+    this.light.set(illumination, value.bands, value.exponent);
+    this.placeSubject(value, field, place);
+    this.subject?.dress(value);
+    if (this.surroundings.source === "harmonics") this.surroundings.invalidate();
+    const dominant = field === null ? (this.shown?.frame.dominant ?? null) : null;
     this.arrow.visible = value.arrow && dominant !== null;
     if (dominant !== null) {
       const direction = new Vector3(...dominant.direction);
-      this.arrow.position.copy(BOUNDS.center).addScaledVector(direction, 0.95 + ARROW_LENGTH);
+      const { center, radius } = this.framed();
+      this.arrow.position.copy(center).addScaledVector(direction, 0.52 * radius + ARROW_LENGTH);
       this.arrow.setDirection(direction.negate());
       this.arrow.setColor(hue(dominant.irradiance));
     }
     this.dirty = true;
+  }
+
+  /** Put the object where it belongs, and show the grid around it. */
+  private placeSubject(value: View, field: Field | null, place: Triple): void {
+    const { subject, volume } = this;
+    if (field === null) {
+      volume.hide();
+      this.gizmo.hide();
+      subject?.place(subject.bounds.center, 1);
+      return;
+    }
+    const radius = radiusInGrid(field.info);
+    subject?.place(new Vector3(...place), radius / subject.bounds.radius);
+    const { gain } = this.lighting.illumination;
+    volume.show(field, value.sliceAxis, value.slice, value.probes, { middle: place, radius: 0.9 * radius });
+    volume.setGain(gain);
+    if (value.gizmo) this.gizmo.show(place);
+    else this.gizmo.hide();
+  }
+
+  /** Where the object is in the grid: within the box, in the middle where nothing else is said. */
+  private place3({ at }: View): Triple {
+    const info = this.field?.info;
+    if (info === undefined) return [0, 0, 0];
+    const middle = info.lower.map((low, k) => (low + info.upper[k]!) / 2);
+    return (at ?? middle).map((value, k) => Math.min(Math.max(value, info.lower[k]!), info.upper[k]!)) as unknown as Triple;
+  }
+
+  private moveTo(place: Triple): void {
+    change({ at: this.place3({ ...view.peek(), at: place }) });
+  }
+
+  private takeField(field: Field | null): void {
+    const before = this.field;
+    if (field === before) return;
+    this.field = field;
+    if (before !== null && this.lighting.illumination.field === before) this.lighting = { illumination: DARK, modulation: null };
+    this.applyLight(view.peek());
+    before?.dispose();
+    if (view.peek().camera === null) this.placeAtHome();
+  }
+
+  /** Fetch an object and show it; only the last that was asked for is shown. */
+  private async show(name: string, load: (signal: AbortSignal) => Promise<Subject>): Promise<void> {
+    this.wantedObject = name;
+    this.fetchingObject.abort();
+    const { signal } = (this.fetchingObject = new AbortController());
+    const subject = await load(signal);
+    if (signal.aborted) {
+      subject.dispose();
+      return;
+    }
+    this.subject?.dispose();
+    this.subject = subject;
+    this.scene.add(subject.group);
+    this.applyLight(view.peek());
+    if (view.peek().camera === null) this.placeAtHome();
+  }
+
+  /** What the camera frames. */
+  private framed(): Sphere {
+    if (this.field !== null && view.peek().light !== "stream") {
+      const { lower, upper } = this.field.info;
+      const [low, high] = [new Vector3(...lower), new Vector3(...upper)];
+      return new Sphere(low.clone().add(high).multiplyScalar(0.5), 0.52 * low.distanceTo(high));
+    }
+    return this.subject?.bounds ?? BOUNDS;
   }
 
   private resize(): void {
@@ -308,16 +461,22 @@ export class Viewport {
   }
 
   private placeAtHome(): void {
-    this.place(BOUNDS.center, HOME_DIRECTION);
+    const { center, radius } = this.framed();
+    this.place(center, HOME_DIRECTION, radius);
   }
 
   /** Look at `target` from `direction`, so far away that the objects fit into the free part of the picture. */
-  private place(target: Vector3, direction: Vector3): void {
+  private place(target: Vector3, direction: Vector3, radius: number): void {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const halfHeight = Math.tan((FIELD_OF_VIEW_DEGREES * Math.PI) / 360);
     const free = Math.min(width - this.covered.right, (height - this.covered.bottom) * 1.25);
     const halfFree = (halfHeight * free) / height;
-    const distance = BOUNDS.radius / Math.sin(Math.atan(halfFree));
+    const distance = radius / Math.sin(Math.atan(halfFree));
+    this.controls.minDistance = 0.1 * radius;
+    this.controls.maxDistance = 22 * radius;
+    this.camera.near = 0.02 * radius;
+    this.camera.far = 100 * radius;
+    this.camera.updateProjectionMatrix();
     // Without damping an update uses up what is left of an earlier motion.
     this.controls.enableDamping = false;
     this.controls.update();
@@ -336,7 +495,7 @@ export class Viewport {
     );
     const raycaster = new Raycaster();
     raycaster.setFromCamera(pointer, this.camera);
-    const hit = raycaster.intersectObjects(this.objects, false)[0];
+    const hit = raycaster.intersectObjects([...(this.subject?.meshes ?? [])], false)[0];
     if (hit === undefined) return;
     const shift = hit.point.clone().sub(this.controls.target);
     this.controls.target.add(shift);
@@ -356,4 +515,10 @@ export class Viewport {
 function hue(rgb: readonly [number, number, number]): Color {
   const largest = Math.max(...rgb, 1e-6);
   return new Color(...(rgb.map((value) => Math.max(0, value) / largest) as [number, number, number]));
+}
+
+/** How large an object is shown in a grid: whatever its own size, it is to be seen between the walls. */
+function radiusInGrid({ lower, upper }: GridInfo): number {
+  const edges = upper.map((high, k) => high - lower[k]!);
+  return SIZE_IN_GRID * Math.max(Math.min(...edges), 0.5 * Math.max(...edges));
 }
