@@ -2,12 +2,23 @@
 
 import { signal } from "@preact/signals";
 
-import { paused } from "./session.ts";
+import { nowMs } from "./clock.ts";
+import type { TimeTravel } from "./time.ts";
 import { change, formatView, view, type BackdropMode } from "./view.ts";
 import type { Viewport } from "./viewport.ts";
 
 const ORBIT_STEP = Math.PI / 36;
 const ZOOM_STEP = 1.1;
+const MOVE_STEP = 0.05;
+/** Keys that move the object through a grid: shares of the box along x, y and z. */
+const MOVES: Record<string, [number, number, number]> = {
+  n: [-MOVE_STEP, 0, 0],
+  m: [MOVE_STEP, 0, 0],
+  j: [0, -MOVE_STEP, 0],
+  u: [0, MOVE_STEP, 0],
+  k: [0, 0, -MOVE_STEP],
+  i: [0, 0, MOVE_STEP],
+};
 const NEXT_BACKDROP: Record<BackdropMode, BackdropMode> = { picture: "harmonics", harmonics: "off", off: "picture" };
 const MESSAGE_MS = 2500;
 
@@ -19,7 +30,10 @@ export const message = signal("");
 export class Commands {
   private messageTimer: ReturnType<typeof setTimeout> | undefined;
 
-  constructor(private readonly viewport: Viewport) {}
+  constructor(
+    private readonly viewport: Viewport,
+    readonly time: TimeTravel,
+  ) {}
 
   panelIsOpen(): boolean {
     return view.value.panel ?? isWide.value;
@@ -67,7 +81,16 @@ export class Commands {
         this.viewport.frame();
         return true;
       case " ":
-        paused.value = !paused.peek();
+        this.time.toggle(nowMs());
+        return true;
+      case ",":
+        this.time.step(-1, nowMs());
+        return true;
+      case ".":
+        this.time.step(1, nowMs());
+        return true;
+      case "g":
+        change({ gizmo: !view.peek().gizmo });
         return true;
       case "b":
         change({ backdrop: NEXT_BACKDROP[view.peek().backdrop] });
@@ -95,6 +118,11 @@ export class Commands {
   }
 
   private steer(key: string): boolean {
+    const step = MOVES[key];
+    if (step !== undefined) {
+      this.viewport.nudge(...step);
+      return true;
+    }
     switch (key) {
       case "arrowleft":
         this.viewport.orbit(-ORBIT_STEP, 0);
@@ -119,7 +147,8 @@ export class Commands {
     return false;
   }
 
-  private say(text: string): void {
+  /** Say a short word on what has been done. */
+  say(text: string): void {
     message.value = text;
     clearTimeout(this.messageTimer);
     this.messageTimer = setTimeout(() => (message.value = ""), MESSAGE_MS);

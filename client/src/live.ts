@@ -22,6 +22,10 @@ import {
 } from "./wire.ts";
 
 export const HISTORY_MS = 30_000;
+/** Frames of the past that are kept at most, however fast they come. */
+const MOST_PAST = 3000;
+/** Pictures are large: of the past, few are kept. */
+const PICTURE_PAUSE_MS = 500;
 const STALLED_MS = 2000;
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 4000;
@@ -31,6 +35,13 @@ export type ConnectionState = "idle" | "connecting" | "waiting" | "live" | "stal
 export interface Light {
   frame: Frame;
   coefficients: Float32Array;
+  /** When it arrived, this machine's clock. */
+  receivedMs: number;
+}
+
+export interface PastPicture {
+  receivedMs: number;
+  picture: Backdrop;
 }
 
 /** Where the subscription of a stream lives, beside the page. */
@@ -67,6 +78,10 @@ export class LiveStream {
   missed = 0;
   /** Why the connection is refused or lost, in words. */
   problem = "";
+  /** The light of the last `HISTORY_MS`, oldest first. Replaced as it changes: what was read stays as it was. */
+  past: readonly Light[] = [];
+  /** Pictures of the same time, oldest first. */
+  pastPictures: readonly PastPicture[] = [];
   readonly frames = new Rate();
   readonly latencies = new History(HISTORY_MS);
   readonly clock: ClockOffset;
@@ -84,6 +99,8 @@ export class LiveStream {
   private heartbeatMs = 1000 * HEARTBEAT_SECONDS;
   private lastFrameMs = 0;
   private missedOnConnection = 0;
+  /** Light that has arrived since the past was brought up to date. */
+  private coming: Light[] = [];
 
   constructor(private readonly base: string) {
     this.clock = new ClockOffset(new URL(base).hostname);
@@ -96,6 +113,8 @@ export class LiveStream {
     this.light = this.backdrop = this.info = this.status = null;
     this.missed = 0;
     this.problem = "";
+    this.past = this.pastPictures = [];
+    this.coming = [];
     this.latencies.clear();
     this.frames.clear();
     this.lastFrameMs = 0;
@@ -207,6 +226,7 @@ export class LiveStream {
         break;
       case "backdrop":
         this.backdrop = message;
+        this.keepPicture(message, receivedMs);
         break;
       case "missed":
         this.missed += message.total - this.missedOnConnection;
@@ -225,8 +245,23 @@ export class LiveStream {
   }
 
   private take(frame: Frame, receivedMs: number): void {
-    this.light = { frame, coefficients: unpackCoefficients(frame.coefficients) };
+    this.light = { frame, coefficients: unpackCoefficients(frame.coefficients), receivedMs };
     this.lastFrameMs = receivedMs;
+    this.coming.push(this.light);
+  }
+
+  /** Take what has arrived into the past; called by whoever shows it, at its own pace. */
+  updatePast(timeMs: number): void {
+    if (this.coming.length === 0 && (this.past[0]?.receivedMs ?? Infinity) > timeMs - HISTORY_MS) return;
+    const all = [...this.past, ...this.coming].filter(({ receivedMs }) => receivedMs > timeMs - HISTORY_MS);
+    this.past = all.slice(-MOST_PAST);
+    this.coming = [];
+  }
+
+  private keepPicture(picture: Backdrop, receivedMs: number): void {
+    if (receivedMs - (this.pastPictures.at(-1)?.receivedMs ?? -Infinity) < PICTURE_PAUSE_MS) return;
+    const kept = this.pastPictures.filter((item) => item.receivedMs > receivedMs - HISTORY_MS);
+    this.pastPictures = [...kept, { receivedMs, picture }];
   }
 
   private send(message: Subscribe): void {

@@ -178,9 +178,17 @@ export interface GridSummary {
   path: string;
   bytes: number;
   sha256: string;
+  /** Name of the capture that it was made from. */
+  capture: string;
+  resolution: [number, number, number] | null;
+  bands: number | null;
+  adaptive: boolean;
+  finished_ns: number;
 }
 
-export interface GridDocument extends Omit<GridSummary, "path"> {
+export interface GridDocument {
+  id: string;
+  job: string;
   attributes: JsonObject;
 }
 

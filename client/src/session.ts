@@ -2,11 +2,15 @@
 
 import { batch, effect, signal } from "@preact/signals";
 
-import { listStreams, type StreamDescription, type StreamSummary } from "./rest.ts";
+import { words } from "./api.ts";
 import { nowMs } from "./clock.ts";
+import type { GridState } from "./grid/info.ts";
+import type { Modulation } from "./grid/modulate.ts";
 import { LiveStream, type ConnectionState } from "./live.ts";
 import type { Sample } from "./rate.ts";
-import { change, view } from "./view.ts";
+import { listStreams, type StreamDescription, type StreamSummary } from "./rest.ts";
+import { TimeTravel } from "./time.ts";
+import { OWN_OBJECTS, change, view } from "./view.ts";
 import type { Viewport } from "./viewport.ts";
 import type { Frame, StreamInfo, StreamStatus } from "./wire.ts";
 
@@ -30,17 +34,22 @@ export interface Snapshot {
   frame: Frame | null;
   coefficients: Float32Array | null;
   meteredEv: number;
+  grid: GridState;
+  modulation: Modulation | null;
 }
 
 export const live = new LiveStream(document.baseURI);
 export const streams = signal<StreamDescription[] | null>(null);
 /** Why the list of streams cannot be had, in words. */
 export const streamsProblem = signal("");
-export const paused = signal(false);
+/** Why the object that was asked for cannot be shown, in words. */
+export const objectProblem = signal("");
+/** Whether an object is being fetched. */
+export const objectIsComing = signal(false);
 export const snapshot = signal<Snapshot | null>(null);
 
-/** Follow the chosen stream and keep the signals fresh. */
-export function startSession(viewport: Viewport): void {
+/** Follow the chosen stream, grid and object, and keep the signals fresh. */
+export function startSession(viewport: Viewport, time: TimeTravel): void {
   let followed: string | null = null;
   effect(() => {
     const { stream } = view.value;
@@ -52,15 +61,50 @@ export function startSession(viewport: Viewport): void {
       followed = stream;
       live.follow(stream);
       viewport.clear();
-      paused.value = false;
+      time.follow(nowMs());
     }
   });
-  effect(() => {
-    viewport.paused = paused.value;
-  });
-  setInterval(() => refresh(viewport), REFRESH_MS);
-  refresh(viewport);
+  followGrid(viewport);
+  followObject(viewport);
+  const update = () => {
+    time.refresh(nowMs());
+    refresh(viewport);
+  };
+  setInterval(update, REFRESH_MS);
+  update();
   void pollStreams();
+}
+
+function followGrid(viewport: Viewport): void {
+  let shown: string | null = null;
+  effect(() => {
+    const { grid } = view.value;
+    if (grid === shown) return;
+    shown = grid;
+    // What is wrong stands in `viewport.gridState`, which the panel reads.
+    viewport.showGrid(grid).catch(() => undefined);
+  });
+}
+
+function followObject(viewport: Viewport): void {
+  let shown = "";
+  effect(() => {
+    const { object } = view.value;
+    if (object === shown) return;
+    shown = object;
+    objectProblem.value = "";
+    objectIsComing.value = false;
+    if ((OWN_OBJECTS as readonly string[]).includes(object)) return;
+    objectIsComing.value = true;
+    viewport
+      .showTransfer(object)
+      .catch((error: unknown) => {
+        if (shown === object) objectProblem.value = words(error);
+      })
+      .finally(() => {
+        if (shown === object) objectIsComing.value = false;
+      });
+  });
 }
 
 export function chooseStream(name: string): void {
@@ -73,6 +117,12 @@ export function preferred(candidates: readonly StreamSummary[]): string | null {
 }
 
 async function pollStreams(): Promise<void> {
+  await refreshStreams();
+  setTimeout(() => void pollStreams(), STREAMS_MS);
+}
+
+/** Read the list of streams now. */
+export async function refreshStreams(): Promise<void> {
   try {
     const list = await listStreams();
     batch(() => {
@@ -80,9 +130,8 @@ async function pollStreams(): Promise<void> {
       streamsProblem.value = "";
     });
   } catch (error) {
-    streamsProblem.value = (error as Error).message;
+    streamsProblem.value = words(error);
   }
-  setTimeout(() => void pollStreams(), STREAMS_MS);
 }
 
 function refresh(viewport: Viewport): void {
@@ -105,5 +154,7 @@ function refresh(viewport: Viewport): void {
     frame: shown?.frame ?? null,
     coefficients: shown?.coefficients ?? null,
     meteredEv: viewport.meteredEv,
+    grid: viewport.gridState,
+    modulation: viewport.modulation,
   };
 }

@@ -13,7 +13,7 @@ export type Axis = "x" | "y" | "z";
 export type Sampling = "vertex" | "fragment";
 /** The objects that come with the page; any other name is a transfer job. */
 export const OWN_OBJECTS = ["stilllife", "bunny", "sphere"] as const;
-export const TABS = ["view", "objects", "streams", "jobs", "captures", "grids"] as const;
+export const TABS = ["scene", "streams", "jobs", "captures", "grids"] as const;
 export type Tab = (typeof TABS)[number];
 
 export interface View {
@@ -76,7 +76,7 @@ export const DEFAULT_VIEW: View = {
   backdrop: "picture",
   arrow: false,
   panel: null,
-  tab: "view",
+  tab: "scene",
   hud: true,
   theme: "auto",
 };

@@ -59,6 +59,8 @@ describe("forms from schemas", () => {
     expect(listFrom("32")).toBe(32);
     expect(listFrom("0, 0, -1")).toEqual([0, 0, -1]);
     expect(listFrom("-1,-1,-1; 1,1,1")).toEqual([[-1, -1, -1], [1, 1, 1]]);
+    expect(listFrom('{"ball": [1, 0, 0]}')).toEqual({ ball: [1, 0, 0] });
+    expect(listFrom("[1, 2")).toBe("[1, 2");
   });
 
   it("make merge patches of what was changed", () => {

@@ -125,9 +125,16 @@ export function written(value: Json | undefined): string {
 
 /**
  * The value that a text stands for in a field that is a list: `32` a number, `1,0,0` numbers, `64,64,32; 32` rows.
- * Anything else is handed on as it is, so that the server says what is wrong with it.
+ * JSON is read as such; anything else is handed on as it is, so that the server says what is wrong with it.
  */
 export function listFrom(text: string): Json {
+  if (/^[[{]/.test(text)) {
+    try {
+      return JSON.parse(text) as Json;
+    } catch {
+      return text;
+    }
+  }
   const rows = text.split(";").map((row) => row.trim()).filter((row) => row !== "");
   const values = rows.map((row): Json => {
     const numbers = row.split(/[,×x\s]+/).filter((part) => part !== "").map(Number);

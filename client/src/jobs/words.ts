@@ -41,6 +41,19 @@ export function ago(timeNs: number, nowMs: number): string {
   return new Date(timeNs / 1e6).toLocaleDateString(undefined, { day: "numeric", month: "short" });
 }
 
+const TITLES: Record<string, string> = {
+  "ilf-grid": "Light grid",
+  "prt-transfer": "Shadows of a mesh",
+  "capture-reduce": "Thinned capture",
+  "igi-render": "Render",
+  reproject: "Projected again",
+};
+
+/** What a kind of job makes, for people who do not know its name. */
+export function kindTitle(kind: string): string {
+  return TITLES[kind] ?? kind;
+}
+
 /** The last part of a path. */
 export function baseName(path: string): string {
   return path.replace(/\/+$/, "").split("/").at(-1) ?? path;

@@ -2,12 +2,18 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 
 import { Commands, helpIsOpen, isWide, message } from "../commands.ts";
+import { startJobs } from "../jobs/store.ts";
+import { startResults } from "../results.ts";
 import { live, startSession, streams, streamsProblem } from "../session.ts";
-import { view } from "../view.ts";
+import { TimeTravel } from "../time.ts";
+import { TABS, change, view } from "../view.ts";
 import { Viewport } from "../viewport.ts";
+import { DropZone } from "./DropZone.tsx";
 import { Help } from "./Help.tsx";
 import { Hud } from "./Hud.tsx";
 import { Panel } from "./Panel.tsx";
+import { PictureDialog } from "./PictureDialog.tsx";
+import { Tray } from "./Tray.tsx";
 
 const PREFERS_LIGHT = matchMedia("(prefers-color-scheme: light)");
 const WIDE = matchMedia("(min-width: 720px)");
@@ -60,16 +66,24 @@ export function App() {
     const follow = () => (isWide.value = WIDE.matches);
     follow();
     WIDE.addEventListener("change", follow);
-    const made = new Commands(viewport);
+    const time = new TimeTravel(live, viewport);
+    const made = new Commands(viewport, time);
     commands.value = made;
     addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") !== null) return;
       const target = event.target as HTMLElement;
       // Inputs and buttons keep their own keys.
-      if (target.matches("input, select, textarea") || (event.key === " " && target.matches("button, summary"))) return;
+      if (target.matches("input, select, textarea") || (event.key === " " && target.matches("button, summary, a"))) return;
+      const tab = TABS[Number(event.key) - 1];
+      if (tab !== undefined) {
+        change({ tab, panel: true });
+        return;
+      }
       if (made.press(event.key.toLowerCase(), target === canvas.current)) event.preventDefault();
     });
-    startSession(viewport);
+    startSession(viewport, time);
+    startJobs();
+    startResults();
     viewport.start().catch((error: unknown) => {
       failure.value = `The objects could not be loaded: ${(error as Error).message}`;
     });
@@ -127,6 +141,9 @@ export function App() {
       <div class="message" role="status" aria-live="polite">
         {message.value}
       </div>
+      <Tray />
+      <DropZone />
+      <PictureDialog />
       {helpIsOpen.value && <Help onClose={() => (helpIsOpen.value = false)} />}
     </>
   );

@@ -1,4 +1,5 @@
-import { live, paused, snapshot, type Snapshot } from "../session.ts";
+import { live, snapshot, type Snapshot } from "../session.ts";
+import { paused } from "../time.ts";
 
 interface Look {
   tone: "good" | "busy" | "bad" | "quiet";

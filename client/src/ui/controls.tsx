@@ -1,8 +1,10 @@
 // Inputs of the panel: native elements with a label and a value.
 
 import type { ComponentChildren } from "preact";
+import { useEffect, useState } from "preact/hooks";
 
 interface SliderProps {
+  disabled?: boolean;
   label: string;
   value: number;
   min: number;
@@ -15,7 +17,7 @@ interface SliderProps {
 }
 
 /** A slider; a double click resets it. */
-export function Slider({ label, value, min, max, step, shown, hint, onInput, onReset }: SliderProps) {
+export function Slider({ label, value, min, max, step, shown, hint, disabled = false, onInput, onReset }: SliderProps) {
   const filled = `${(100 * (value - min)) / (max - min)}%`;
   return (
     <label class="slider" title={hint ?? "Double click resets"}>
@@ -27,6 +29,7 @@ export function Slider({ label, value, min, max, step, shown, hint, onInput, onR
         max={max}
         step={step}
         value={value}
+        disabled={disabled}
         style={{ "--filled": filled }}
         aria-label={label}
         aria-valuetext={shown}
@@ -99,6 +102,85 @@ export function Section({ title, aside, children }: { title: string; aside?: str
       </h2>
       {children}
     </section>
+  );
+}
+
+/** How far something is, 0 … 1; `null`: nobody knows. */
+export function Meter({ label, share, tone = "" }: { label: string; share: number | null; tone?: string }) {
+  const percent = share === null ? null : Math.round(100 * Math.min(1, Math.max(0, share)));
+  return (
+    <div
+      class={`meter ${tone} ${percent === null ? "unknown" : ""}`}
+      role="progressbar"
+      aria-label={label}
+      aria-valuemin={0}
+      aria-valuemax={100}
+      {...(percent === null ? {} : { "aria-valuenow": percent })}
+    >
+      <span style={{ width: `${percent ?? 100}%` }} />
+    </div>
+  );
+}
+
+const CONFIRM_MS = 4000;
+
+/** A button for what cannot be undone: it asks again before it acts. */
+export function ConfirmButton({ label, question, onConfirm }: { label: string; question: string; onConfirm: () => void }) {
+  const [asking, setAsking] = useState(false);
+  useEffect(() => {
+    if (!asking) return;
+    const timer = setTimeout(() => setAsking(false), CONFIRM_MS);
+    return () => clearTimeout(timer);
+  }, [asking]);
+  return (
+    <button
+      type="button"
+      class={asking ? "danger" : ""}
+      onClick={() => {
+        setAsking(!asking);
+        if (asking) onConfirm();
+      }}
+    >
+      {asking ? question : label}
+    </button>
+  );
+}
+
+/** What is said where a list is empty. */
+export function Nothing({ title, children }: { title: string; children: ComponentChildren }) {
+  return (
+    <div class="nothing">
+      <h3>{title}</h3>
+      {children}
+    </div>
+  );
+}
+
+/** What went wrong, beside where it did. */
+export function Wrong({ text, children }: { text: string; children?: ComponentChildren }) {
+  if (text === "") return null;
+  return (
+    <div class="wrong" role="alert">
+      <p>{text}</p>
+      {children}
+    </div>
+  );
+}
+
+/** A line that is to be typed into a terminal, with a button that copies it. */
+export function Command({ line }: { line: string }) {
+  const [copied, setCopied] = useState(false);
+  const copy = () => {
+    // Without TLS there is no clipboard: the text can still be selected.
+    void navigator.clipboard?.writeText(line).then(() => setCopied(true), () => undefined);
+  };
+  return (
+    <div class="command">
+      <code>{line}</code>
+      <button type="button" onClick={copy}>
+        {copied ? "Copied" : "Copy"}
+      </button>
+    </div>
   );
 }
 

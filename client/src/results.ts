@@ -1,0 +1,59 @@
+// What finished jobs have left that can be shown: grids, and objects with their transfer.
+
+import { effect, signal } from "@preact/signals";
+
+import { words } from "./api.ts";
+import { ended, kinds, loadKinds } from "./jobs/store.ts";
+import { baseName } from "./jobs/words.ts";
+import { listGrids, listJobs, listUploads, type GridSummary, type Job, type Upload } from "./rest.ts";
+
+const POLL_MS = 30_000;
+const TRANSFER = "prt-transfer";
+
+export const grids = signal<GridSummary[] | null>(null);
+export const gridsProblem = signal("");
+/** Finished transfer jobs, newest first. */
+export const transfers = signal<Job[]>([]);
+export const uploads = signal<Upload[]>([]);
+
+/** Read what there is now, whenever a job has ended, and now and then. */
+export function startResults(): void {
+  let timer: ReturnType<typeof setTimeout> | undefined;
+  const poll = () => {
+    clearTimeout(timer);
+    void refreshResults();
+    timer = setTimeout(poll, POLL_MS);
+  };
+  effect(() => {
+    ended.value;
+    poll();
+  });
+}
+
+export async function refreshResults(): Promise<void> {
+  await Promise.all([
+    listGrids().then(
+      (list) => {
+        grids.value = list;
+        gridsProblem.value = "";
+      },
+      (error: unknown) => (gridsProblem.value = words(error)),
+    ),
+    refreshObjects().catch(() => undefined), // the list of grids says what is wrong
+  ]);
+}
+
+async function refreshObjects(): Promise<void> {
+  await loadKinds();
+  if (!kinds.peek()?.some(({ name }) => name === TRANSFER)) return;
+  const [page, list] = await Promise.all([listJobs({ kind: TRANSFER, state: "succeeded" }), listUploads()]);
+  transfers.value = page.jobs;
+  uploads.value = list;
+}
+
+/** What people call the input of a job: the capture's folder, the uploaded file. */
+export function subjectOf(job: Job): string {
+  const { capture, mesh } = job.settings;
+  const given = typeof capture === "string" ? capture : typeof mesh === "string" ? mesh : "";
+  return uploads.value.find(({ id }) => id === given)?.name ?? baseName(given);
+}

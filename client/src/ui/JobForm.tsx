@@ -1,0 +1,93 @@
+import { useEffect } from "preact/hooks";
+
+import { captures, refreshCaptures } from "../captures.ts";
+import { basicOf, closeForm, estimate, fieldsOfKind, form, note, submitForm } from "../jobs/form.ts";
+import { kinds } from "../jobs/store.ts";
+import { bytes, duration, kindTitle } from "../jobs/words.ts";
+import { refreshResults, uploads } from "../results.ts";
+import { SchemaForm, type Suggestion } from "./SchemaForm.tsx";
+import { Wrong } from "./controls.tsx";
+
+function choicesOf(): Record<string, Suggestion[]> {
+  const choices: Record<string, Suggestion[]> = {};
+  const known = (captures.value ?? []).filter(({ valid }) => valid);
+  if (known.length > 0) {
+    choices["capture"] = known.map(({ id, probes }) => ({ value: id, label: `${id} (${probes} probes)` }));
+  }
+  const meshes = uploads.value.filter(({ kind }) => kind === "mesh");
+  if (meshes.length > 0) choices["mesh"] = meshes.map(({ id, name }) => ({ value: id, label: name }));
+  return choices;
+}
+
+/** A new job: kind, settings, what it would need, and off. */
+export function JobForm() {
+  const value = form.value;
+  useEffect(() => {
+    void refreshCaptures();
+    void refreshResults();
+  }, []);
+  if (value === null) return null;
+  const fields = fieldsOfKind(value.kind);
+  const kind = kinds.value?.find(({ name }) => name === value.kind);
+  const need = value.estimate;
+  return (
+    <form
+      class="card new"
+      aria-label="New job"
+      onSubmit={(event) => {
+        event.preventDefault();
+        void (need?.fits ? submitForm() : estimate());
+      }}
+    >
+      <div class="field">
+        <label for="job-kind">Kind</label>
+        <select
+          id="job-kind"
+          value={value.kind}
+          onChange={(event) => note({ kind: event.currentTarget.value, draft: {}, errors: [], problem: "", estimate: null })}
+        >
+          {(kinds.value ?? []).map(({ name }) => (
+            <option key={name} value={name}>
+              {kindTitle(name)} ({name})
+            </option>
+          ))}
+        </select>
+        <p class="hint">{kind?.description}</p>
+      </div>
+      <SchemaForm
+        fields={fields}
+        basic={basicOf(value.kind, fields)}
+        draft={value.draft}
+        errors={value.errors}
+        choices={choicesOf()}
+        onChange={(draft) => note({ draft, estimate: null })}
+      />
+      <Wrong text={value.problem} />
+      {need !== null && (
+        <dl class="facts" data-testid="estimate">
+          <div>
+            <dt>Time, on one core</dt>
+            <dd>{duration(need.seconds)}</dd>
+          </div>
+          <div>
+            <dt>Memory, each process</dt>
+            <dd>{bytes(need.memory_bytes)}</dd>
+          </div>
+          <div>
+            <dt>Disk</dt>
+            <dd>{bytes(need.disk_bytes)}</dd>
+          </div>
+        </dl>
+      )}
+      <Wrong text={need?.reason ?? ""} />
+      <div class="buttons">
+        <button type="submit" class="primary" disabled={value.busy || value.kind === "" || (need !== null && !need.fits)}>
+          {need === null ? "What will it take?" : "Submit"}
+        </button>
+        <button type="button" onClick={closeForm}>
+          Close
+        </button>
+      </div>
+    </form>
+  );
+}

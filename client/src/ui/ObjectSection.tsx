@@ -1,0 +1,47 @@
+import { subjectOf, transfers } from "../results.ts";
+import { objectIsComing, objectProblem } from "../session.ts";
+import { ACCEPTED, takeFiles } from "../uploads.ts";
+import { OWN_OBJECTS, change, view } from "../view.ts";
+import { Meter, Section, Wrong } from "./controls.tsx";
+import { FileButton } from "./FileButton.tsx";
+
+const LABELS: Record<(typeof OWN_OBJECTS)[number], string> = {
+  stilllife: "Still life",
+  bunny: "Bunny",
+  sphere: "Sphere",
+};
+
+/** What is lit: the page's own objects, and meshes whose transfer has been computed. */
+export function ObjectSection() {
+  const { object } = view.value;
+  const finished = transfers.value;
+  const isKnown = (OWN_OBJECTS as readonly string[]).includes(object) || finished.some(({ id }) => id === object);
+  return (
+    <Section title="Object">
+      <label class="row">
+        <span class="label">Shown</span>
+        <select aria-label="Object" value={object} onChange={(event) => change({ object: event.currentTarget.value })}>
+          {OWN_OBJECTS.map((name) => (
+            <option key={name} value={name}>
+              {LABELS[name]}
+            </option>
+          ))}
+          {!isKnown && <option value={object}>{object}</option>}
+          {finished.map((job) => (
+            <option key={job.id} value={job.id}>
+              {subjectOf(job) || job.id}
+            </option>
+          ))}
+        </select>
+      </label>
+      {objectIsComing.value && <Meter label="Fetching the object" share={null} />}
+      <Wrong text={objectProblem.value} />
+      <FileButton accept={ACCEPTED} onFiles={takeFiles}>
+        Add a mesh or a map…
+      </FileButton>
+      <p class="hint">
+        Or drop a file onto the page. GLB, OBJ, PLY: lit with its own shadows. EXR, HDR: a lat-long map becomes a stream.
+      </p>
+    </Section>
+  );
+}

@@ -1,0 +1,129 @@
+// A form whose fields come from a JSON schema: those that matter most first, the rest behind "More".
+
+import type { FieldError } from "../api.ts";
+import { written, type Draft, type Field } from "../jobs/schema.ts";
+
+export interface Suggestion {
+  value: string;
+  label: string;
+}
+
+interface Props {
+  fields: readonly Field[];
+  /** Paths that are shown at once; those that are required come along. */
+  basic: readonly string[];
+  draft: Draft;
+  onChange: (draft: Draft) => void;
+  errors: readonly FieldError[];
+  /** Paths for which there is a list to choose from. */
+  choices?: Readonly<Record<string, readonly Suggestion[]>>;
+}
+
+/** The message of the server that is about a field; it names fields inside lists, too. */
+function complaint(field: Field, errors: readonly FieldError[]): string {
+  const found = errors.find((error) => {
+    const path = error.field.replace(/^settings\./, "");
+    return path === field.path || path.startsWith(`${field.path}.`);
+  });
+  return found?.message ?? "";
+}
+
+export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {} }: Props) {
+  const rank = (field: Field) => (basic.includes(field.path) ? basic.indexOf(field.path) : field.required ? -1 : Infinity);
+  const first = fields.filter((field) => rank(field) < Infinity).sort((a, b) => rank(a) - rank(b));
+  const others = fields.filter((field) => rank(field) === Infinity);
+  const wrongOthers = others.some((field) => complaint(field, errors) !== "");
+  const show = (field: Field) => (
+    <FieldInput
+      key={field.path}
+      field={field}
+      typed={draft[field.path]}
+      error={complaint(field, errors)}
+      choices={choices[field.path]}
+      onChange={(value) => onChange({ ...draft, [field.path]: value })}
+    />
+  );
+  return (
+    <div class="form">
+      {first.map(show)}
+      {others.length > 0 && (
+        <details class="more" {...(wrongOthers ? { open: true } : {})}>
+          <summary>More settings</summary>
+          <div class="form">{others.map(show)}</div>
+        </details>
+      )}
+    </div>
+  );
+}
+
+interface FieldProps {
+  field: Field;
+  typed: string | boolean | undefined;
+  error: string;
+  choices: readonly Suggestion[] | undefined;
+  onChange: (value: string | boolean) => void;
+}
+
+function FieldInput({ field, typed, error, choices, onChange }: FieldProps) {
+  const id = `field-${field.path}`;
+  const fallback = written(field.fallback);
+  const common = {
+    id,
+    "aria-invalid": error !== "",
+    "aria-describedby": `${id}-hint`,
+    title: field.hint,
+  };
+  const value = typeof typed === "string" ? typed : undefined;
+  let input;
+  if (field.input === "flag") {
+    const checked = typeof typed === "boolean" ? typed : field.fallback === true;
+    input = (
+      <input
+        {...common}
+        type="checkbox"
+        role="switch"
+        class="switch"
+        checked={checked}
+        onChange={(event) => onChange(event.currentTarget.checked)}
+      />
+    );
+  } else if (choices !== undefined || field.input === "choice") {
+    const options = choices ?? field.options.map((option) => ({ value: option, label: option }));
+    const shown = value ?? fallback;
+    input = (
+      <select {...common} value={shown} onChange={(event) => onChange(event.currentTarget.value)}>
+        {!options.some((option) => option.value === shown) && (
+          <option value={shown}>{shown !== "" ? shown : field.required ? "choose…" : "default"}</option>
+        )}
+        {options.map((option) => (
+          <option key={option.value} value={option.value}>
+            {option.label}
+          </option>
+        ))}
+      </select>
+    );
+  } else {
+    const isNumber = field.input === "number" || field.input === "integer";
+    input = (
+      <input
+        {...common}
+        type="text"
+        inputMode={isNumber ? "decimal" : "text"}
+        autocomplete="off"
+        spellcheck={false}
+        value={value ?? ""}
+        placeholder={fallback === "" ? (field.required ? "" : "default") : fallback}
+        onInput={(event) => onChange(event.currentTarget.value)}
+      />
+    );
+  }
+  return (
+    <div class={error === "" ? "field" : "field invalid"}>
+      <label for={id}>{field.label}</label>
+      {input}
+      <p class="hint" id={`${id}-hint`}>
+        {error !== "" ? <strong>{error}</strong> : field.hint}
+      </p>
+    </div>
+  );
+}

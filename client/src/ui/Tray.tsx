@@ -1,0 +1,96 @@
+import { jobs } from "../jobs/store.ts";
+import { duration } from "../jobs/words.ts";
+import { again, arrivals, canRetry, dismiss, show, stop, type Arrival } from "../uploads.ts";
+import { change, view } from "../view.ts";
+import { Meter } from "./controls.tsx";
+
+/** How far a file is: the share that is done, and words. */
+function progressOf(arrival: Arrival): { share: number | null; text: string } {
+  switch (arrival.phase) {
+    case "waiting":
+      return { share: 0, text: "waits for the upload before it" };
+    case "uploading":
+      return arrival.sent < 1
+        ? { share: arrival.sent, text: `uploading, ${(100 * arrival.sent).toFixed(0)} %` }
+        : { share: null, text: "being checked by the server" };
+    case "computing": {
+      const job = jobs.value?.find(({ id }) => id === arrival.job);
+      const progress = job?.progress ?? null;
+      if (progress === null || progress.total <= 0) {
+        return { share: null, text: job?.state === "queued" ? "waits in the queue" : "shadows are being computed" };
+      }
+      const share = progress.done / progress.total;
+      const left = progress.eta_seconds === null ? "" : `, ${duration(progress.eta_seconds)} left`;
+      return { share, text: `shadows: ${progress.stage}, ${(100 * share).toFixed(0)} %${left}` };
+    }
+    case "ready":
+      return { share: 1, text: readyWords(arrival) };
+    case "failed":
+      return { share: 1, text: arrival.problem };
+    case "cancelled":
+      return { share: 1, text: "cancelled" };
+  }
+}
+
+function isSeen(arrival: Arrival): boolean {
+  const { object, stream } = view.value;
+  return arrival.kind === "map" ? arrival.stream === stream : arrival.job === object;
+}
+
+function readyWords(arrival: Arrival): string {
+  if (arrival.kind === "map") return isSeen(arrival) ? `is the stream ${arrival.stream}, and lights the scene` : `is the stream ${arrival.stream}`;
+  return isSeen(arrival) ? "is shown, with shadows" : "is ready";
+}
+
+function Entry({ arrival }: { arrival: Arrival }) {
+  const { share, text } = progressOf(arrival);
+  const isRunning = arrival.phase === "waiting" || arrival.phase === "uploading" || arrival.phase === "computing";
+  return (
+    <li class={arrival.phase} data-testid="arrival">
+      <div class="words">
+        <strong title={arrival.name}>{arrival.name}</strong>
+        <span role={arrival.phase === "failed" ? "alert" : "status"}>{text}</span>
+      </div>
+      {isRunning && <Meter label={`${arrival.name}: ${text}`} share={share} />}
+      <div class="buttons">
+        {arrival.phase === "ready" && !isSeen(arrival) && (
+          <button type="button" onClick={() => show(arrival.key)}>
+            {arrival.kind === "map" ? "Follow" : "Show"}
+          </button>
+        )}
+        {arrival.job !== null && arrival.phase !== "ready" && (
+          <button type="button" onClick={() => change({ panel: true, tab: "jobs" })}>
+            Job
+          </button>
+        )}
+        {isRunning && (
+          <button type="button" onClick={() => void stop(arrival.key)}>
+            Cancel
+          </button>
+        )}
+        {(arrival.phase === "failed" || arrival.phase === "cancelled") && canRetry(arrival.key) && (
+          <button type="button" onClick={() => again(arrival.key)}>
+            Try again
+          </button>
+        )}
+        {!isRunning && (
+          <button type="button" aria-label={`Dismiss ${arrival.name}`} onClick={() => dismiss(arrival.key)}>
+            ×
+          </button>
+        )}
+      </div>
+    </li>
+  );
+}
+
+/** Files on their way. */
+export function Tray() {
+  if (arrivals.value.length === 0) return null;
+  return (
+    <ul class="tray" aria-label="Files">
+      {arrivals.value.map((arrival) => (
+        <Entry key={arrival.key} arrival={arrival} />
+      ))}
+    </ul>
+  );
+}

@@ -1,0 +1,228 @@
+// Files that are brought to the page: a mesh is uploaded, its transfer computed, and the object shown; a map becomes a
+// stream that is followed.
+
+import { signal } from "@preact/signals";
+
+import { ApiError, apiUrl, problemError, words } from "./api.ts";
+import { cancel, submit, whenFinished } from "./jobs/store.ts";
+import { refreshResults } from "./results.ts";
+import { createStream, type Upload } from "./rest.ts";
+import { chooseStream } from "./session.ts";
+import { change } from "./view.ts";
+
+const MESHES = ["glb", "obj", "ply"];
+const MAPS = ["exr", "hdr"];
+export const ACCEPTED = [...MESHES, ...MAPS].map((ending) => `.${ending}`).join(",");
+
+export type Phase = "waiting" | "uploading" | "computing" | "ready" | "failed" | "cancelled";
+
+/** One file on its way. */
+export interface Arrival {
+  key: number;
+  name: string;
+  kind: "mesh" | "map";
+  phase: Phase;
+  /** How much of it has been sent, 0 … 1. */
+  sent: number;
+  /** The transfer job, once there is one. */
+  job: string | null;
+  /** The name of the stream that a map has become. */
+  stream: string | null;
+  /** Whether it is, or was, put into the picture when it was ready. */
+  shown: boolean;
+  problem: string;
+}
+
+export const arrivals = signal<readonly Arrival[]>([]);
+
+const aborts = new Map<number, AbortController>();
+const files = new Map<number, File>();
+let lastKey = 0;
+
+/** Why a file is not taken, in words; empty where it is. */
+export function refusal(name: string, size: number): string {
+  const ending = endingOf(name);
+  if (ending === "gltf") return "A .gltf file keeps its data in other files: export it as .glb, which holds everything.";
+  if (["jpg", "jpeg", "png", "webp", "tif", "tiff"].includes(ending)) {
+    return `A .${ending} picture lacks the range of real light: use a lat-long map as .exr or .hdr.`;
+  }
+  if (![...MESHES, ...MAPS].includes(ending)) {
+    return "This is neither a mesh (.glb, .obj, .ply) nor a lat-long map (.exr, .hdr).";
+  }
+  return size === 0 ? "The file is empty." : "";
+}
+
+function endingOf(name: string): string {
+  return name.includes(".") ? name.split(".").at(-1)!.toLowerCase() : "";
+}
+
+/** A stream's name from a file's. */
+export function streamName(file: string): string {
+  const stem = file.replace(/\.[^.]*$/, "").toLowerCase().normalize("NFKD").replace(/[^a-z0-9_-]+/g, "-");
+  return stem.replace(/^[^a-z0-9]+|-+$/g, "").slice(0, 50) || "map";
+}
+
+/** Take files, one upload after the other. The first mesh and the first map of them are shown when they are ready. */
+export function takeFiles(chosen: readonly File[]): void {
+  const seen = new Set<string>();
+  const taken: Arrival[] = [];
+  for (const file of chosen) {
+    const kind = MAPS.includes(endingOf(file.name)) ? "map" : "mesh";
+    const problem = refusal(file.name, file.size);
+    const arrival: Arrival = {
+      key: ++lastKey,
+      name: file.name,
+      kind,
+      phase: problem === "" ? "waiting" : "failed",
+      sent: 0,
+      job: null,
+      stream: null,
+      shown: problem === "" && !seen.has(kind),
+      problem,
+    };
+    if (problem === "") {
+      seen.add(kind);
+      files.set(arrival.key, file);
+    }
+    taken.push(arrival);
+  }
+  arrivals.value = [...arrivals.value, ...taken];
+  for (const arrival of taken) if (arrival.phase === "waiting") start(arrival.key);
+}
+
+/** Refuse what is no file at all. */
+export function refuseFolder(name: string): void {
+  const problem = "Folders are not taken: drop the files that lie in it.";
+  const refused = { kind: "mesh", phase: "failed", sent: 0, job: null, stream: null, shown: false } as const;
+  arrivals.value = [...arrivals.value, { key: ++lastKey, name, ...refused, problem }];
+}
+
+let queue: Promise<void> = Promise.resolve();
+
+function start(key: number): void {
+  const abort = new AbortController();
+  aborts.set(key, abort);
+  update(key, { phase: "waiting", sent: 0, problem: "", job: null });
+  const uploaded = queue.then(() => bring(key, abort.signal));
+  // The next upload begins when this one has been sent; jobs wait in the server's queue.
+  queue = uploaded.then(
+    () => undefined,
+    () => undefined,
+  );
+  void uploaded
+    .then((upload) => (find(key)?.kind === "map" ? makeStream(key, upload) : makeObject(key, upload)))
+    .catch((error: unknown) => {
+      if (abort.signal.aborted) update(key, { phase: "cancelled" });
+      else update(key, { phase: "failed", problem: words(error) });
+    });
+}
+
+async function bring(key: number, signal: AbortSignal): Promise<Upload> {
+  signal.throwIfAborted();
+  update(key, { phase: "uploading" });
+  let toldMs = 0;
+  return await sendFile(files.get(key)!, signal, (sent) => {
+    const timeMs = performance.now();
+    if (timeMs - toldMs < 200 && sent < 1) return;
+    toldMs = timeMs;
+    update(key, { sent });
+  });
+}
+
+async function makeObject(key: number, upload: Upload): Promise<void> {
+  if (upload.kind !== "mesh") throw new Error("The server took this for a map, not for a mesh.");
+  const { id } = await submit("prt-transfer", { mesh: upload.id, ground: true });
+  update(key, { phase: "computing", job: id });
+  void refreshResults(); // so that the job is called by the file's name
+  const job = await whenFinished(id);
+  if (job.state === "cancelled") {
+    update(key, { phase: "cancelled" });
+  } else if (job.state === "failed") {
+    update(key, { phase: "failed", problem: job.error ?? "The job failed; its log says more." });
+  } else {
+    update(key, { phase: "ready" });
+    if (find(key)?.shown) show(key);
+  }
+}
+
+async function makeStream(key: number, upload: Upload): Promise<void> {
+  if (upload.source === undefined) throw new Error("The server took this for a mesh, not for a map.");
+  const name = await createNamed(streamName(upload.name), { source: upload.source });
+  update(key, { phase: "ready", stream: name });
+  if (find(key)?.shown) show(key);
+}
+
+/** Make a stream; where its name is taken, with a number after it. */
+async function createNamed(name: string, settings: { source: string }): Promise<string> {
+  for (let number = 1; ; number++) {
+    const tried = number === 1 ? name : `${name}-${number}`;
+    try {
+      await createStream(tried, { source: settings.source });
+      return tried;
+    } catch (error) {
+      if (!(error instanceof ApiError && error.status === 409 && number < 100)) throw error;
+    }
+  }
+}
+
+/** Put what has arrived into the picture. */
+export function show(key: number): void {
+  const arrival = find(key);
+  if (arrival?.job != null) change({ object: arrival.job, shadows: true });
+  if (arrival?.stream != null) {
+    chooseStream(arrival.stream);
+    // A map that nobody sees would be a surprise.
+    change({ light: "stream" });
+  }
+  update(key, { shown: true });
+}
+
+/** Stop an upload, or the job that follows it. */
+export async function stop(key: number): Promise<void> {
+  const job = find(key)?.job;
+  aborts.get(key)?.abort();
+  if (job != null) await cancel(job).catch((error: unknown) => update(key, { problem: words(error) }));
+}
+
+export function again(key: number): void {
+  if (files.has(key)) start(key);
+}
+
+export function canRetry(key: number): boolean {
+  return files.has(key);
+}
+
+export function dismiss(key: number): void {
+  arrivals.value = arrivals.value.filter((arrival) => arrival.key !== key);
+  aborts.delete(key);
+  files.delete(key);
+}
+
+function find(key: number): Arrival | undefined {
+  return arrivals.peek().find((arrival) => arrival.key === key);
+}
+
+function update(key: number, part: Partial<Arrival>): void {
+  arrivals.value = arrivals.peek().map((arrival) => (arrival.key === key ? { ...arrival, ...part } : arrival));
+}
+
+/** Send a file as it is; fetch cannot tell how far it has come. */
+function sendFile(file: File, signal: AbortSignal, progress: (sent: number) => void): Promise<Upload> {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    const url = apiUrl(document.baseURI, "uploads");
+    url.searchParams.set("name", file.name);
+    request.open("POST", url);
+    request.responseType = "json";
+    request.setRequestHeader("Content-Type", "application/octet-stream");
+    request.upload.onprogress = ({ loaded, total }) => progress(total > 0 ? loaded / total : 0);
+    request.onload = () => {
+      if (request.status === 200 || request.status === 201) resolve(request.response as Upload);
+      else reject(problemError(request.status, request.response));
+    };
+    request.onerror = () => reject(new ApiError("The connection broke while the file was sent; it may be too large for the server.", 0));
+    request.onabort = () => reject(new ApiError("Cancelled.", 0));
+    signal.addEventListener("abort", () => request.abort(), { once: true });
+    request.send(file);
+  });
+}
