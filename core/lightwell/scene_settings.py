@@ -110,6 +110,16 @@ class SceneBackdropSettings(Settings):
     filter: Literal["linear", "nearest", "cubic"] = Field("linear", description="between the picture's pixels")
 
 
+class SceneShadowSettings(Settings):
+    """Transfer that is computed for this picture; objects with ``transfer`` keep theirs, and cast shadows too."""
+
+    mode: Literal["none", "shadowed", "interreflected"] = Field(
+        "none", description="none; what the objects hide of the light; and what they reflect onto each other"
+    )
+    directions: int = Field(1024, ge=64, le=65536, description="rays a vertex (Fibonacci; the paper: 2500)")
+    bounces: int = Field(1, ge=1, le=8, description="interreflected: surfaces that light may come by way of")
+
+
 class SceneObjectSettings(Settings):
     """One object, or all objects of a file: exactly one of mesh, shape and transfer."""
 
@@ -152,6 +162,7 @@ class SceneSettings(Settings):
     light: SceneLightSettings
     picture: PictureSettings = PictureSettings()
     backdrop: SceneBackdropSettings = SceneBackdropSettings()
+    shadows: SceneShadowSettings = SceneShadowSettings()
     objects: tuple[SceneObjectSettings, ...] = Field((), max_length=1000, description="what is in the scene")
     sampling: Literal["point", "vertex"] = Field(
         "point", description="light is summed at each visible point, or at vertices and interpolated"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -35,11 +36,14 @@ from lightwell.scene_settings import (
     SceneLightSettings,
     SceneObjectSettings,
     SceneSettings,
+    SceneShadowSettings,
 )
 from lightwell.settings import MappingSettings, WindowSettings, complaint
 from lightwell.sh.basis import Y00
 from lightwell.sh.engines import convert
 from lightwell.sh.window import WindowStage, fixed_window
+from lightwell.transfer.compute import compute_transfer
+from lightwell.transfer.directions import make_directions
 
 Floats = NDArray[np.float64]
 
@@ -148,9 +152,40 @@ def load_scene(
         for made in loader.within(f"objects[{number}]").objects(item)
     )
     backdrop = loader.within("backdrop").backdrop(settings.backdrop, lit, picture, camera)
+    if settings.shadows.mode != "none" and objects:
+        objects = with_shadows(objects, settings.shadows, lit.bands)
     scene = Scene(objects, lit, backdrop, settings.negatives, settings.sampling)
     ev = settings.picture.ev
     return LoadedScene(scene, camera, settings.picture, meter(scene) if ev == "auto" else ev)
+
+
+def with_shadows(
+    objects: tuple[SceneObject, ...], settings: SceneShadowSettings, bands: int
+) -> tuple[SceneObject, ...]:
+    """Return the objects with the transfer that they have among each other, where they have none of their own."""
+    assert settings.mode != "none"
+    meshes = [
+        item.mesh
+        if item.material.albedo is None
+        else replace(
+            item.mesh, albedo=np.tile(np.array(item.material.albedo, np.float32), (len(item.mesh.positions), 1))
+        )
+        for item in objects
+    ]
+    found = compute_transfer(
+        meshes,
+        make_directions("fibonacci", settings.directions),
+        bands,
+        settings.mode,
+        settings.bounces,
+        threads=os.cpu_count() or 1,
+    ).coefficients
+    ends = np.cumsum([len(mesh.positions) for mesh in meshes])
+    parts = np.split(found, ends[:-1])
+    return tuple(
+        item if item.transfer is not None else replace(item, transfer=part)
+        for item, part in zip(objects, parts, strict=True)
+    )
 
 
 def meter(scene: Scene) -> float:
