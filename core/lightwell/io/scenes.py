@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from lightwell.conventions import CONVENTIONS, DEFAULT_BANDS, LUMINANCE, bands_of_count
-from lightwell.errors import LightwellError, RenderError
+from lightwell.errors import FrameError, LightwellError, RenderError
 from lightwell.field.adaptive import AnyGrid
 from lightwell.geometry.mesh import Mesh, make_mesh
 from lightwell.geometry.shapes import make_shape
@@ -297,8 +297,8 @@ class _Loader:
     def _picture(self, path: Path) -> NDArray[np.floating]:
         try:
             return repair(read_picture(path).pixels)
-        except LightwellError as error:
-            raise RenderError(f"{self.where}.file: {path}: {error}") from None
+        except FrameError as error:
+            raise RenderError(f"{self.where}.file: {path}: {error.reason}") from None
 
     def _coefficients_of(self, path: Path) -> Floats:
         """Return the coefficients of a JSON document that `project`, `watch` or the REST API has printed."""

@@ -1,0 +1,111 @@
+"""``lightwell render`` as a process, and `lightwell_client.render` beside it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from tests.support.publisher import Publisher
+
+from lightwell.errors import LightwellError
+from lightwell.io.exr import read_rgb
+from lightwell_client import Lightwell, render
+
+SCENE = """
+[camera]
+position = [0, -4, 1]
+[picture]
+width = 24
+height = 16
+samples = 2
+[light]
+{light}
+[[objects]]
+shape = "sphere"
+albedo = 0.5
+"""
+
+
+def lightwell(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lightwell_server.cli", "render", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    rows = np.zeros((9, 3))
+    rows[0] = np.sqrt(4 * np.pi)
+    (tmp_path / "light.json").write_text(json.dumps({"bands": 3, "coefficients": rows.tolist()}))
+    (tmp_path / "scene.toml").write_text(SCENE.format(light='file = "light.json"'))
+    return tmp_path / "scene.toml"
+
+
+def test_pictures_and_a_summary(scene: Path) -> None:
+    out = scene.parent / "x.exr", scene.parent / "x.png"
+    result = lightwell(str(scene), "--out", str(out[0]), "-o", str(out[1]), "--size", "30x20", "--ev", "0", "--json")
+    assert result.returncode == 0, result.stderr
+    summary = json.loads(result.stdout)
+    assert (summary["width"], summary["height"], summary["samples"], summary["ev"]) == (30, 20, 2, 0)
+    assert [file["bytes"] for file in summary["out"]] == [path.stat().st_size for path in out]
+    pixels = read_rgb(out[0]).pixels
+    assert pixels.shape == (20, 30, 3)
+    np.testing.assert_allclose(pixels[10, 15], 0.5, rtol=1e-5)  # albedo times radiance
+    read = cv2.imread(str(out[1]))
+    assert read is not None
+    assert read.shape == (20, 30, 3)
+
+
+def test_mistakes_are_one_line(scene: Path) -> None:
+    out = str(scene.parent / "x.png")
+    for arguments, message in {
+        (str(scene.parent / "no.toml"), "--out", out): f"{scene.parent / 'no.toml'}: there is no such file",
+        (str(scene), "--out", "x.gif"): "x.gif: pictures are written as .exr or .png, not as .gif",
+        (str(scene), "--out", out, "--size", "wide"): "--size: 'wide': must be width and height in pixels",
+        (str(scene), "--out", out, "--size", "0x5"): "--size: '0x5': must lie between",
+    }.items():
+        result = lightwell(*arguments)
+        assert (result.returncode, result.stdout) == (1, "")
+        assert result.stderr.startswith(f"lightwell: {message}")
+        assert len(result.stderr.splitlines()) == 1
+    scene.write_text(scene.read_text() + "shine = 1\n")
+    result = lightwell(str(scene), "--out", out)
+    assert result.stderr == f"lightwell: {scene}: objects[0].shine is no option: check its spelling\n"
+
+
+def test_light_of_a_stream_from_the_terminal_and_from_python(server: str, scene: Path) -> None:
+    scene.write_text(SCENE.format(light='stream = "probe"'))
+    with Publisher(server) as worker:
+        worker.publish()
+        result = lightwell(str(scene), "--out", str(scene.parent / "x.exr"), "--server", server, "--json")
+        assert result.returncode == 0, result.stderr
+        assert json.loads(result.stdout)["bands"] == 3
+        picture = render(scene, server=server)
+        with Lightwell(server) as client:
+            latest = client.latest("probe", convention="unity")
+    np.testing.assert_allclose(picture.colour, read_rgb(scene.parent / "x.exr").pixels, rtol=1e-5, atol=1e-6)
+    assert picture.colour.shape == (16, 24, 3)
+    given = render(scene, light=latest, size=(24, 16), out=scene.parent / "y.png")
+    np.testing.assert_allclose(given.colour, picture.colour, rtol=1e-3, atol=1e-4)
+    assert (scene.parent / "y.png").stat().st_size > 100
+    missing = lightwell(str(scene), "--out", str(scene.parent / "x.exr"), "--server", "http://127.0.0.1:9")
+    assert missing.returncode == 1
+    assert "no answer from" in missing.stderr
+
+
+def test_render_takes_what_would_stand_in_a_file() -> None:
+    document = {"camera": {"position": [0, -4, 1]}, "light": {"stream": "unused"}, "objects": [{"shape": "box"}]}
+    light = np.zeros((4, 3))
+    light[0] = 1
+    rows: list[tuple[int, int]] = []
+    picture = render(
+        document, light=light, size=(8, 6), samples=1, progress=lambda done, total: rows.append((done, total))
+    )
+    assert picture.colour.shape == (6, 8, 3)
+    assert rows[-1] == (6, 6)
+    with pytest.raises(LightwellError, match="scene: light"):
+        render({"camera": {"position": [0, -4, 1]}})
