@@ -41,7 +41,7 @@ const HOME_DIRECTION = new Vector3(0.3, -1, 0.3).normalize();
 const SOFTWARE_PIXEL_RATIO = 0.75;
 const ARROW_LENGTH = 0.65;
 /** Radius of the object in a grid, of the box's shortest edge (of the longest at least half of that). */
-const SIZE_IN_GRID = 0.14;
+const SIZE_IN_GRID = 0.26;
 /** Mean radiance of the light, exposed, that looks right on the objects and behind them. */
 const METERED_LEVEL = 0.3;
 const ADAPTATION_MS = 700;

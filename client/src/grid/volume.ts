@@ -29,7 +29,7 @@ const LANES = STRIDE / 4;
 /** Spheres along the slice's longer edge, at most. */
 const MOST_ALONG = 12;
 /** Radius of a sphere, of the distance to the next. */
-const SHARE = 0.3;
+const SHARE = 0.2;
 
 const number = (i: number): string => `lane${i >> 2}.${"xyzw"[i & 3]}`;
 const factors = lambertFactors(BANDS);

@@ -129,13 +129,9 @@ export function transferTable(values: Uint16Array, stride: number, count: number
 
 /** A file of a job's results. Raises `Error` with the reason in words. */
 async function artifact(job: string, path: string, signal: AbortSignal): Promise<Response> {
-  // What the manifest calls a file without its ending is the artefact's name.
-  const url = apiUrl(document.baseURI, `jobs/${encodeURIComponent(job)}`);
-  const found = await ask(url, signal);
-  const { artifacts } = (await found.json()) as { artifacts: { id: string; path: string }[] };
-  const match = artifacts.find((candidate) => candidate.path === path);
-  if (match === undefined) throw new Error(`The job ${job} has no ${path}: it is no finished transfer job.`);
-  return ask(apiUrl(document.baseURI, `artifacts/${encodeURIComponent(match.id)}`), signal);
+  // An artefact is named by its job and its file, without the last ending.
+  const name = `${job}.${path.replace(/\.[^.]*$/, "")}`;
+  return ask(apiUrl(document.baseURI, `artifacts/${encodeURIComponent(name)}`), signal);
 }
 
 async function ask(url: URL, signal: AbortSignal): Promise<Response> {
