@@ -218,19 +218,13 @@ export interface Upload {
   name: string;
   bytes: number;
   sha256: string;
-  vertices?: number;
-  triangles?: number;
-  width?: number;
-  height?: number;
+  vertices: number | null;
+  triangles: number | null;
   /** What `POST /streams` takes as the source of a map. */
-  source?: string;
+  source: string | null;
 }
 
-export async function listUploads(): Promise<Upload[]> {
-  const answer = await ask<Upload[] | { uploads: Upload[] }>("uploads");
-  return Array.isArray(answer) ? answer : answer.uploads;
-}
-
-export function getUpload(id: string): Promise<Upload> {
-  return ask(`uploads/${id}`);
+/** The uploads, newest first, and how large one may be. */
+export function listUploads(): Promise<{ uploads: Upload[]; max_bytes: number }> {
+  return ask("uploads");
 }

@@ -15,6 +15,8 @@ export const gridsProblem = signal("");
 /** Finished transfer jobs, newest first. */
 export const transfers = signal<Job[]>([]);
 export const uploads = signal<Upload[]>([]);
+/** Largest file that the server takes, bytes; `null`: not known. */
+export const largestUpload = signal<number | null>(null);
 
 /** Read what there is now, whenever a job has ended, and now and then. */
 export function startResults(): void {
@@ -48,12 +50,14 @@ async function refreshObjects(): Promise<void> {
   if (!kinds.peek()?.some(({ name }) => name === TRANSFER)) return;
   const [page, list] = await Promise.all([listJobs({ kind: TRANSFER, state: "succeeded" }), listUploads()]);
   transfers.value = page.jobs;
-  uploads.value = list;
+  uploads.value = list.uploads;
+  largestUpload.value = list.max_bytes;
 }
 
 /** What people call the input of a job: the capture's folder, the uploaded file. */
 export function subjectOf(job: Job): string {
   const { capture, mesh } = job.settings;
   const given = typeof capture === "string" ? capture : typeof mesh === "string" ? mesh : "";
-  return uploads.value.find(({ id }) => id === given)?.name ?? baseName(given);
+  // The server puts the file's place where an upload's id was given; the id is a folder in it.
+  return uploads.value.find(({ id }) => given.split("/").includes(id))?.name ?? baseName(given);
 }

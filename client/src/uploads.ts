@@ -4,15 +4,12 @@
 import { signal } from "@preact/signals";
 
 import { ApiError, apiUrl, problemError, words } from "./api.ts";
+import { kindOfFile, refusal, streamName } from "./files.ts";
 import { cancel, submit, whenFinished } from "./jobs/store.ts";
-import { refreshResults } from "./results.ts";
+import { largestUpload, refreshResults } from "./results.ts";
 import { createStream, type Upload } from "./rest.ts";
 import { chooseStream } from "./session.ts";
 import { change } from "./view.ts";
-
-const MESHES = ["glb", "obj", "ply"];
-const MAPS = ["exr", "hdr"];
-export const ACCEPTED = [...MESHES, ...MAPS].map((ending) => `.${ending}`).join(",");
 
 export type Phase = "waiting" | "uploading" | "computing" | "ready" | "failed" | "cancelled";
 
@@ -39,36 +36,13 @@ const aborts = new Map<number, AbortController>();
 const files = new Map<number, File>();
 let lastKey = 0;
 
-/** Why a file is not taken, in words; empty where it is. */
-export function refusal(name: string, size: number): string {
-  const ending = endingOf(name);
-  if (ending === "gltf") return "A .gltf file keeps its data in other files: export it as .glb, which holds everything.";
-  if (["jpg", "jpeg", "png", "webp", "tif", "tiff"].includes(ending)) {
-    return `A .${ending} picture lacks the range of real light: use a lat-long map as .exr or .hdr.`;
-  }
-  if (![...MESHES, ...MAPS].includes(ending)) {
-    return "This is neither a mesh (.glb, .obj, .ply) nor a lat-long map (.exr, .hdr).";
-  }
-  return size === 0 ? "The file is empty." : "";
-}
-
-function endingOf(name: string): string {
-  return name.includes(".") ? name.split(".").at(-1)!.toLowerCase() : "";
-}
-
-/** A stream's name from a file's. */
-export function streamName(file: string): string {
-  const stem = file.replace(/\.[^.]*$/, "").toLowerCase().normalize("NFKD").replace(/[^a-z0-9_-]+/g, "-");
-  return stem.replace(/^[^a-z0-9]+|-+$/g, "").slice(0, 50) || "map";
-}
-
 /** Take files, one upload after the other. The first mesh and the first map of them are shown when they are ready. */
 export function takeFiles(chosen: readonly File[]): void {
   const seen = new Set<string>();
   const taken: Arrival[] = [];
   for (const file of chosen) {
-    const kind = MAPS.includes(endingOf(file.name)) ? "map" : "mesh";
-    const problem = refusal(file.name, file.size);
+    const kind = kindOfFile(file.name);
+    const problem = refusal(file.name, file.size, largestUpload.peek());
     const arrival: Arrival = {
       key: ++lastKey,
       name: file.name,
@@ -146,7 +120,7 @@ async function makeObject(key: number, upload: Upload): Promise<void> {
 }
 
 async function makeStream(key: number, upload: Upload): Promise<void> {
-  if (upload.source === undefined) throw new Error("The server took this for a mesh, not for a map.");
+  if (upload.source === null) throw new Error("The server took this for a mesh, not for a map.");
   const name = await createNamed(streamName(upload.name), { source: upload.source });
   update(key, { phase: "ready", stream: name });
   if (find(key)?.shown) show(key);

@@ -1,6 +1,7 @@
+import { ACCEPTED } from "../files.ts";
 import { subjectOf, transfers } from "../results.ts";
 import { objectIsComing, objectProblem } from "../session.ts";
-import { ACCEPTED, takeFiles } from "../uploads.ts";
+import { takeFiles } from "../uploads.ts";
 import { OWN_OBJECTS, change, view } from "../view.ts";
 import { Meter, Section, Wrong } from "./controls.tsx";
 import { FileButton } from "./FileButton.tsx";

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 
-import { refusal, streamName } from "./uploads.ts";
+import { refusal, streamName } from "./files.ts";
 
 describe("files", () => {
   it("are taken where they are meshes or maps", () => {
@@ -8,7 +8,8 @@ describe("files", () => {
   });
 
   it("are refused with what would do", () => {
-    expect(refusal("scene.gltf", 10)).toContain(".glb");
+    expect(refusal("a.glb", 3e8, 268435456)).toContain("simplify");
+    expect(refusal("a.exr", 3e8, 268435456)).toContain("at most 268 MB");
     expect(refusal("photo.jpg", 10)).toContain(".exr");
     expect(refusal("notes.txt", 10)).toContain(".ply");
     expect(refusal("noending", 10)).toContain(".ply");
