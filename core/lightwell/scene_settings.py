@@ -74,7 +74,7 @@ class PictureSettings(Settings):
 
 
 class SceneLightSettings(Settings):
-    """Where the light comes from: exactly one of file, stream and grid."""
+    """Where the light comes from: a file or a stream; a grid; or a grid that follows one of the two (MATHS §11d)."""
 
     file: Path | None = Field(
         None, description="picture (.exr, .hdr; lat-long), or JSON of `lightwell project --json`, `watch --json`"
@@ -86,13 +86,19 @@ class SceneLightSettings(Settings):
     )
     window: WindowSettings = WindowSettings()
     gain: float = Field(1.0, ge=0, description="factor")
+    probe_at: Vector3 | None = Field(
+        None, description="grid with file or stream: where that probe stands, metres; default: the grid's middle"
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         named = [name for name in ("file", "stream", "grid") if getattr(self, name) is not None]
-        if len(named) != 1:
+        if not named or {"file", "stream"} <= set(named):
             found = " and ".join(named) or "none of them"
-            raise PydanticCustomError("light", "give one of file, stream and grid, not {found}", {"found": found})
+            words = "give file or stream, grid, or grid and one of the two, not {found}"
+            raise PydanticCustomError("light", words, {"found": found})
+        if self.probe_at is not None and len(named) != 2:
+            raise PydanticCustomError("light", "probe_at needs a grid, and a file or a stream")
         if self.grid is not None and self.window.kind == "auto":
             raise PydanticCustomError("light", "a grid takes a fixed window (hann, lanczos, nonneg), not auto")
         return self

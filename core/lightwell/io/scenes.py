@@ -27,7 +27,7 @@ from lightwell.probe.projection import projector
 from lightwell.probe.samples import repair
 from lightwell.render.backdrop import Backdrop, Harmonics, Panorama
 from lightwell.render.camera import Camera
-from lightwell.render.light import DistantLight, FieldLight, Light, with_bands
+from lightwell.render.light import DistantLight, FieldLight, Light, modulate, with_bands
 from lightwell.render.material import Material
 from lightwell.render.scene import Scene, SceneObject
 from lightwell.scene_settings import (
@@ -208,25 +208,14 @@ class _Loader:
 
     def light(self, settings: SceneLightSettings) -> tuple[Light, NDArray[np.floating] | None]:
         """Return the light, and its picture where it is from one."""
-        picture: NDArray[np.floating] | None = None
         at = self.within("light")
-        if settings.grid is not None:
-            return at._field(settings), None
-        if settings.stream is not None:
-            coefficients = at._require_server("stream").stream(settings.stream)
-        else:
-            assert settings.file is not None
-            path = at._path(settings.file)
-            if path.suffix.lower() == ".json":
-                coefficients = at._coefficients_of(path)
-            else:
-                picture = at._picture(path)
-                bands = settings.bands or DEFAULT_BANDS
-                mapping = make_mapping(MappingSettings(), *picture.shape[:2])
-                coefficients = projector(mapping, bands, "solid-angle", "fill").project(picture)
-        coefficients = settings.gain * with_bands(coefficients, at._bands(settings, bands_of_count(len(coefficients))))
-        windowed, _, _ = WindowStage(settings.window, bands_of_count(len(coefficients))).update(coefficients, 0)
-        return DistantLight(windowed), None if picture is None else settings.gain * picture
+        field = None if settings.grid is None else at._field(settings)
+        if settings.file is None and settings.stream is None:
+            assert field is not None
+            return field, None
+        live, picture = at._probe(settings)
+        light = DistantLight(live) if field is None else modulate(field, live, settings.probe_at)
+        return light, picture
 
     def backdrop(
         self,
@@ -242,7 +231,7 @@ class _Loader:
             return Panorama(self._picture(self._path(settings.file)), settings.filter)
         kind = settings.kind
         if kind == "auto":
-            kind = "picture" if picture is not None else "none" if isinstance(light, FieldLight) else "harmonics"
+            kind = "picture" if picture is not None else "harmonics" if isinstance(light, DistantLight) else "none"
         match kind:
             case "none":
                 return None
@@ -275,6 +264,27 @@ class _Loader:
             except LightwellError as error:
                 raise RenderError(f"{self.where}.mesh: {error}") from None
         return [SceneObject(_placed(mesh, settings), material) for mesh in meshes]
+
+    def _probe(self, settings: SceneLightSettings) -> tuple[Floats, NDArray[np.floating] | None]:
+        """Return the coefficients of a file or a stream, and the picture where there is one."""
+        picture: NDArray[np.floating] | None = None
+        if settings.stream is not None:
+            coefficients = self._require_server("stream").stream(settings.stream)
+        else:
+            assert settings.file is not None
+            path = self._path(settings.file)
+            if path.suffix.lower() == ".json":
+                coefficients = self._coefficients_of(path)
+            else:
+                picture = self._picture(path)
+                bands = settings.bands or DEFAULT_BANDS
+                mapping = make_mapping(MappingSettings(), *picture.shape[:2])
+                coefficients = projector(mapping, bands, "solid-angle", "fill").project(picture)
+        coefficients = settings.gain * with_bands(
+            coefficients, self._bands(settings, bands_of_count(len(coefficients)))
+        )
+        windowed, _, _ = WindowStage(settings.window, bands_of_count(len(coefficients))).update(coefficients, 0)
+        return windowed, None if picture is None else settings.gain * picture
 
     def _field(self, settings: SceneLightSettings) -> FieldLight:
         assert settings.grid is not None

@@ -13,7 +13,7 @@
 
 from lightwell.render.backdrop import Backdrop, Harmonics, Panorama
 from lightwell.render.camera import Camera
-from lightwell.render.light import DistantLight, FieldLight, Light
+from lightwell.render.light import DistantLight, FieldLight, Light, ModulatedLight, modulate
 from lightwell.render.material import Material
 from lightwell.render.picture import Rendering, render
 from lightwell.render.scene import Scene, SceneObject
@@ -27,12 +27,14 @@ __all__ = [
     "Harmonics",
     "Light",
     "Material",
+    "ModulatedLight",
     "Panorama",
     "Rendering",
     "Scene",
     "SceneObject",
     "encode_srgb",
     "expose_and_encode",
+    "modulate",
     "neutral_tone_mapping",
     "render",
 ]
