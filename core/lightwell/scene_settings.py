@@ -13,10 +13,17 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from lightwell.conventions import MAX_BANDS
-from lightwell.settings import Settings, Vector3, WindowSettings
+from lightwell.settings import Settings, WindowSettings
 
 MAX_SIDE, MAX_SAMPLES = 16384, 16
+MAX_PIXELS = 1 << 26
+"""Of a picture: 8192 × 8192; a rendering has 11 floats a pixel."""
+LARGEST_M = 1e6
+"""Rays are traced in single precision."""
+MAX_EV = 64.0
 Fraction = Annotated[float, Field(ge=0, le=1)]
+Metres = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
+Place = tuple[Metres, Metres, Metres]
 
 
 def linear_from_hex(colour: str) -> tuple[float, float, float]:
@@ -47,16 +54,16 @@ def _colour(value: Any) -> Any:  # noqa: ANN401
 class CameraSettings(Settings):
     """A pinhole camera."""
 
-    position: Vector3 = Field(description="where the camera stands, metres")
-    target: Vector3 = Field((0.0, 0.0, 0.0), description="what is in the middle of the picture, metres")
-    up: Vector3 = Field((0.0, 0.0, 1.0), description="world direction of the picture's top")
+    position: Place = Field(description="where the camera stands, metres")
+    target: Place = Field((0.0, 0.0, 0.0), description="what is in the middle of the picture, metres")
+    up: Place = Field((0.0, 0.0, 1.0), description="world direction of the picture's top")
     fov_degrees: float = Field(36.0, gt=0, lt=180, description="angle from the lower to the upper edge, degrees")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if self.position == self.target:
+        if max(abs(a - b) for a, b in zip(self.position, self.target, strict=True)) < 1e-6:
             raise PydanticCustomError("camera", "position and target must differ")
-        if not any(self.up):
+        if max(map(abs, self.up)) < 1e-6:
             raise PydanticCustomError("camera", "up must have a length")
         return self
 
@@ -67,10 +74,18 @@ class PictureSettings(Settings):
     width: int = Field(640, ge=1, le=MAX_SIDE, description="pixels")
     height: int = Field(480, ge=1, le=MAX_SIDE, description="pixels")
     samples: int = Field(3, ge=1, le=MAX_SAMPLES, description="N: a pixel is the mean of N² rays")
-    ev: float | Literal["auto"] = Field("auto", description="exposure of a PNG, EV; auto: from the mean of the light")
+    ev: float | None = Field(
+        None, ge=-MAX_EV, le=MAX_EV, description="exposure of a PNG, EV; default: metered from the mean of the light"
+    )
     tone_mapping: Literal["neutral", "none"] = Field(
         "neutral", description="of a PNG: as the web page, or clipped at white"
     )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.width * self.height > MAX_PIXELS:
+            raise PydanticCustomError("picture", "must have at most {most} pixels", {"most": MAX_PIXELS})
+        return self
 
 
 class SceneLightSettings(Settings):
@@ -79,14 +94,14 @@ class SceneLightSettings(Settings):
     file: Path | None = Field(
         None, description="picture (.exr, .hdr; lat-long), or JSON of `lightwell project --json`, `watch --json`"
     )
-    stream: str | None = Field(None, description="name of a stream on the server: its newest frame")
-    grid: str | None = Field(None, description="folder of a grid (Zarr), or its id on the server")
+    stream: str | None = Field(None, min_length=1, description="name of a stream on the server: its newest frame")
+    grid: str | None = Field(None, min_length=1, description="folder of a grid (Zarr), or its id on the server")
     bands: int | None = Field(
         None, ge=1, le=MAX_BANDS, description="SH bands; default: 5 of a picture, else all that there are"
     )
     window: WindowSettings = WindowSettings()
-    gain: float = Field(1.0, ge=0, description="factor")
-    probe_at: Vector3 | None = Field(
+    gain: float = Field(1.0, ge=0, le=1e12, description="factor")
+    probe_at: Place | None = Field(
         None, description="grid with file or stream: where that probe stands, metres; default: the grid's middle"
     )
 
@@ -134,12 +149,16 @@ class SceneObjectSettings(Settings):
         None, description="radius or half-edge 1 m, round the origin; the plane faces +Z"
     )
     transfer: str | None = Field(
-        None, description="folder with the results of a prt-transfer job, or the job's id: its meshes, with shadows"
+        None,
+        min_length=1,
+        description="folder with the results of a prt-transfer job, or the job's id: its meshes, with shadows",
     )
     up_axis: Literal["y", "z"] = Field("y", description="which axis of the mesh file points up")
-    scale: float = Field(1.0, gt=0, description="factor")
-    turn_degrees: float = Field(0.0, description="turn about +Z, counter-clockwise from above, degrees")
-    position: Vector3 = Field((0.0, 0.0, 0.0), description="where the file's origin goes, metres")
+    scale: float = Field(1.0, ge=1e-6, le=1e6, description="factor")
+    turn_degrees: float = Field(
+        0.0, ge=-360, le=360, description="turn about +Z, counter-clockwise from above, degrees"
+    )
+    position: Place = Field((0.0, 0.0, 0.0), description="where the file's origin goes, metres")
     albedo: Annotated[tuple[Fraction, Fraction, Fraction] | None, BeforeValidator(_colour)] = Field(
         None, description="#rrggbb (sRGB), or linear: one number or three; default: the file's own"
     )

@@ -77,7 +77,7 @@ class LoadedScene:
     camera: Camera
     picture: PictureSettings
     ev: float
-    """Exposure; metered where the file says auto."""
+    """Exposure; metered where the file does not say."""
 
 
 def read_scene_settings(path: Path) -> SceneSettings:
@@ -156,7 +156,7 @@ def load_scene(
         objects = with_shadows(objects, settings.shadows, lit.bands)
     scene = Scene(objects, lit, backdrop, settings.negatives, settings.sampling)
     ev = settings.picture.ev
-    return LoadedScene(scene, camera, settings.picture, meter(scene) if ev == "auto" else ev)
+    return LoadedScene(scene, camera, settings.picture, meter(scene) if ev is None else ev)
 
 
 def with_shadows(
@@ -302,7 +302,12 @@ class _Loader:
         return settings.bands or there
 
     def _path(self, path: Path) -> Path:
-        return self.folder / path.expanduser()
+        if "\0" in str(path):
+            raise RenderError(f"{self.where}: {str(path)!r} is no path: it holds a null character")
+        try:
+            return self.folder / path.expanduser()
+        except RuntimeError as error:
+            raise RenderError(f"{self.where}: {path}: {error}") from None
 
     def _picture(self, path: Path) -> NDArray[np.floating]:
         try:

@@ -34,7 +34,7 @@ class Camera:
             raise ValueError("the camera's position, target, up and fov_degrees must be finite")
         if not 0 < self.fov_degrees < 180:
             raise ValueError(f"the camera's fov_degrees, {self.fov_degrees}, must lie between 0 and 180")
-        if np.linalg.norm(np.subtract(self.target, self.position)) < 1e-9:
+        if np.abs(np.subtract(self.target, self.position)).max() < 1e-9:
             raise ValueError(f"the camera's target {self.target} is where the camera stands: move one of them")
         if not np.any(self.up):
             raise ValueError("the camera's up must have a length")

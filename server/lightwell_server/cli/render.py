@@ -21,7 +21,7 @@ def render(
     out: list[Path] = typer.Option(..., "--out", "-o", help="Picture, .exr or .png; may be repeated."),
     size: str | None = typer.Option(None, metavar="WxH", help="Pixels, such as 640x480, in place of the scene's own."),
     samples: int | None = typer.Option(None, min=1, max=16, help="N: a pixel is the mean of N² rays."),
-    ev: float | None = typer.Option(None, help="Exposure of a PNG, EV, in place of the scene's own."),
+    ev: float | None = typer.Option(None, min=-64, max=64, help="Exposure of a PNG, EV, in place of the scene's own."),
     server: str = SERVER,
     token: str | None = TOKEN,
     json: bool = JSON,
@@ -77,7 +77,7 @@ def _triangles(loaded: LoadedScene) -> int:
 
 def _size(text: str) -> tuple[int, int]:
     from lightwell.errors import LightwellError
-    from lightwell.scene_settings import MAX_SIDE
+    from lightwell.scene_settings import MAX_PIXELS, MAX_SIDE
 
     try:
         width, height = (int(part) for part in text.lower().replace("×", "x").split("x"))
@@ -85,4 +85,6 @@ def _size(text: str) -> tuple[int, int]:
         raise LightwellError(f"--size: {text!r}: must be width and height in pixels, such as 640x480") from None
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise LightwellError(f"--size: {text!r}: must lie between 1x1 and {MAX_SIDE}x{MAX_SIDE}")
+    if width * height > MAX_PIXELS:
+        raise LightwellError(f"--size: {text!r}: must have at most {MAX_PIXELS} pixels")
     return width, height
