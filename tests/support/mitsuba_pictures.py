@@ -40,7 +40,7 @@ def path_traced(
     *,
     show_panorama: bool = False,
 ) -> NDArray[np.float64]:
-    """Direct light of a panorama on Lambertian objects of one albedo each, ``(H, W, 3)`` linear radiance."""
+    """Direct light of a panorama on Lambertian objects of one albedo each, or on mirrors: ``(H, W, 3)`` radiance."""
     mi = import_mitsuba()
     transform = mi.ScalarTransform4f
     pixels = np.asarray(panorama, np.float32)
@@ -80,9 +80,10 @@ def path_traced(
         )
         assert item.material.albedo is not None
         colour = {"type": "rgb", "value": list(item.material.albedo)}
+        matte = {"type": "diffuse", "reflectance": colour}
         scene[f"object-{number}"] = {
             "type": "ply",
             "filename": str(file),
-            "bsdf": {"type": "diffuse", "reflectance": colour},
+            "bsdf": {"type": "conductor", "material": "none"} if item.material.mirror == 1 else matte,
         }
     return np.asarray(mi.render(mi.load_dict(scene)), dtype=np.float64)

@@ -94,6 +94,17 @@ def test_a_still_life_with_shadows(name: str, tmp_path: Path) -> None:
     assert errors[0] < 0.6 * errors[1]
 
 
+def test_a_mirror_shows_what_a_perfect_conductor_shows(tmp_path: Path) -> None:
+    camera = Camera((1.0, -4.0, 1.2), (0.0, 0.0, 0.2))
+    item = SceneObject(sphere(160, 320), Material(albedo=(0.0, 0.0, 0.0), mirror=1.0))
+    theirs = path_traced([item], panorama("venice"), camera, (48, 48), 256, tmp_path)
+    scene = Scene((item,), DistantLight(np.zeros((1, 3))), Panorama(panorama("venice")))
+    picture = render(scene, camera, (48, 48), 8)
+    error = relative_rms(picture.colour, picture.coverage, theirs)
+    print(f"\nmirror in venice: {error:.2%}")
+    assert error < 0.02
+
+
 def test_transfer_computed_here(tmp_path: Path) -> None:
     """A ball and a box that shadow each other and a floor, with `lightwell.transfer`."""
     import_mitsuba()
