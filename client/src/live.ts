@@ -121,6 +121,12 @@ export class LiveStream {
     this.connect();
   }
 
+  /** Follow nothing any more. */
+  close(): void {
+    this.disconnect();
+    this.stream = null;
+  }
+
   /** Ask for pictures of the surroundings, or spare the bandwidth. */
   setBackdrop(wanted: boolean): void {
     if (wanted === this.wantsBackdrop) return;

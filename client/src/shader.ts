@@ -41,7 +41,7 @@ export interface Variant {
   mirror: "none" | "picture" | "harmonics";
   /** Whether the mesh has colours of its own. */
   coloured: boolean;
-  /** Axes of the page: the field's are those of Lightwell, +Z up. */
+  /** Axes of the page: light and transfer are always in those of Lightwell, +Z up. */
   axes: "lightwell" | "three";
 }
 
@@ -195,7 +195,8 @@ function vertexText(variant: Variant): string {
   body.push(
     "vec4 world = modelMatrix * vec4(position, 1.0);",
     "worldPosition = world.xyz;",
-    "worldNormal = mat3(modelMatrix) * normal;",
+    // World normal under any transformation of the mesh: the view's rotation is undone again.
+    "worldNormal = (vec4(normalMatrix * normal, 0.0) * viewMatrix).xyz;",
     "gl_Position = projectionMatrix * viewMatrix * world;",
   );
   if (coloured) body.push("own = color;");
@@ -260,7 +261,7 @@ function fragmentText(variant: Variant): string {
 
   body.push("vec3 n = normalize(worldNormal);", "vec3 received = vec3(0.0);");
   if (received) body.push("received += irradiance;");
-  if (transfer === null && distant) body.push("received += diffuseAt(n);");
+  if (transfer === null && distant) body.push("received += diffuseAt(toLight(n));");
   if (reflects) body.push("vec3 reflected = reflect(normalize(worldPosition - cameraPosition), n);");
   if (fieldHere !== null) {
     body.push("vec3 normalLight = toLight(n);");
@@ -273,7 +274,7 @@ function fragmentText(variant: Variant): string {
   body.push(`vec3 colour = ${coloured ? "albedo * own" : "albedo"} * withoutNegatives(received) / 3.14159265359;`);
   if (glossy) {
     const terms = [
-      ...(distant ? ["glossyAt(reflected)"] : []),
+      ...(distant ? ["glossyAt(toLight(reflected))"] : []),
       ...(fieldHere !== null ? ["fieldGlossy"] : field !== null ? ["fieldShine"] : []),
     ];
     const open = transfer === null ? "" : " * clamp(visibility, 0.0, 1.0)";
@@ -281,8 +282,8 @@ function fragmentText(variant: Variant): string {
     body.push("colour = mix(colour, polished, gloss);");
   }
   // Equation 15 of paper 003.
-  if (mirror === "picture") body.push("colour += mirror * pictured(reflected);");
-  if (mirror === "harmonics") body.push("colour += mirror * withoutNegatives(surroundAt(reflected));");
+  if (mirror === "picture") body.push("colour += mirror * pictured(toLight(reflected));");
+  if (mirror === "harmonics") body.push("colour += mirror * withoutNegatives(surroundAt(toLight(reflected)));");
   body.push(
     "gl_FragColor = vec4(colour, 1.0);",
     "#include <tonemapping_fragment>",
