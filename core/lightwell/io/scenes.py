@@ -122,6 +122,7 @@ def load_scene(
     *,
     where: str = "scene",
     light: Floats | None = None,
+    shadows: bool = True,
 ) -> LoadedScene:
     """Read all that a scene names.
 
@@ -137,6 +138,8 @@ def load_scene(
         The scene's name in errors.
     light
         Coefficients ``(bands², 3)`` in place of the file's light.
+    shadows
+        Compute the transfer that the file asks for; False leaves that to `add_shadows`.
 
     Raises
     ------
@@ -152,18 +155,20 @@ def load_scene(
         for made in loader.within(f"objects[{number}]").objects(item)
     )
     backdrop = loader.within("backdrop").backdrop(settings.backdrop, lit, picture, camera)
-    if settings.shadows.mode != "none" and objects:
-        objects = with_shadows(objects, settings.shadows, lit.bands)
     scene = Scene(objects, lit, backdrop, settings.negatives, settings.sampling)
     ev = settings.picture.ev
-    return LoadedScene(scene, camera, settings.picture, meter(scene) if ev is None else ev)
+    loaded = LoadedScene(scene, camera, settings.picture, meter(scene) if ev is None else ev)
+    return add_shadows(loaded, settings.shadows) if shadows else loaded
 
 
-def with_shadows(
-    objects: tuple[SceneObject, ...], settings: SceneShadowSettings, bands: int
-) -> tuple[SceneObject, ...]:
-    """Return the objects with the transfer that they have among each other, where they have none of their own."""
-    assert settings.mode != "none"
+def add_shadows(loaded: LoadedScene, settings: SceneShadowSettings) -> LoadedScene:
+    """Return the scene with the transfer that its objects have among each other, where they have none of their own.
+
+    This takes as long as so many rays a vertex take, with all cores.
+    """
+    objects = loaded.scene.objects
+    if settings.mode == "none" or not objects:
+        return loaded
     meshes = [
         item.mesh
         if item.material.albedo is None
@@ -175,17 +180,17 @@ def with_shadows(
     found = compute_transfer(
         meshes,
         make_directions("fibonacci", settings.directions),
-        bands,
+        loaded.scene.light.bands,
         settings.mode,
         settings.bounces,
         threads=os.cpu_count() or 1,
     ).coefficients
     ends = np.cumsum([len(mesh.positions) for mesh in meshes])
-    parts = np.split(found, ends[:-1])
-    return tuple(
+    shadowed = tuple(
         item if item.transfer is not None else replace(item, transfer=part)
-        for item, part in zip(objects, parts, strict=True)
+        for item, part in zip(objects, np.split(found, ends[:-1]), strict=True)
     )
+    return replace(loaded, scene=replace(loaded.scene, objects=shadowed))
 
 
 def meter(scene: Scene) -> float:

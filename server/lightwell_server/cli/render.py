@@ -28,7 +28,7 @@ def render(
 ) -> None:
     """Render SCENE: objects lit by a probe, by a stream's last frame or by a grid."""
     from lightwell.io.renders import require_format, write_rendering
-    from lightwell.io.scenes import load_scene, read_scene_settings
+    from lightwell.io.scenes import add_shadows, load_scene, read_scene_settings
     from lightwell.render import render as render_scene
     from lightwell_client.rendering import ServerSources
 
@@ -37,10 +37,13 @@ def render(
     settings = read_scene_settings(scene)
     pixels = (settings.picture.width, settings.picture.height) if size is None else _size(size)
     with ServerSources(server, token) as sources, quiet_libraries():
-        loaded = load_scene(settings, scene.parent, sources, where=str(scene))
+        loaded = load_scene(settings, scene.parent, sources, where=str(scene), shadows=False)
     exposure = loaded.ev if ev is None else ev
     rays = samples or settings.picture.samples
     started = time.monotonic()
+    if settings.shadows.mode != "none":
+        with progress_bar("shadows"):
+            loaded = add_shadows(loaded, settings.shadows)
     with progress_bar("rendering") as report:
         rendering = render_scene(loaded.scene, loaded.camera, pixels, rays, report)
     seconds = time.monotonic() - started
