@@ -186,10 +186,11 @@ def test_horizon_factor_is_the_share_of_the_lobe_above_the_surface(exponent: flo
     assert (np.diff(horizon_factor(np.cos(angles), exponent)) <= 1e-9).all()
 
 
-def test_horizon_factor_of_a_constant_lobe_is_known() -> None:
-    """s = 0: the overlap of two hemispheres, (1 + … ) the lune 1 − θ/π."""
+def test_horizon_factor_is_known_for_the_two_simplest_lobes() -> None:
+    """s = 0: the lune that two hemispheres share; s = 1: what a tilted surface gets of half-space light."""
     angles = np.linspace(0, np.pi, 50)
     np.testing.assert_allclose(horizon_factor(np.cos(angles), 0.0), 1 - angles / np.pi, atol=1e-4)
+    np.testing.assert_allclose(horizon_factor(np.cos(angles), 1.0), (1 + np.cos(angles)) / 2, atol=1e-4)
 
 
 def test_horizon_cuts_the_lobe_off() -> None:
