@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 from lightwell.conventions import DEFAULT_BANDS
 from lightwell.settings import Settings, Vector3, WindowSettings
 
-JobKind = Literal["ilf-grid", "capture-reduce"]
+JobKind = Literal["ilf-grid", "prt-transfer", "capture-reduce"]
 JobState = Literal["queued", "running", "cancelling", "cancelled", "failed", "succeeded"]
 RepairKind = Literal["pull-push", "mipmap", "bilateral", "none"]
 GradientKind = Literal["none", "central", "regression"]
@@ -23,6 +23,7 @@ Cells = Annotated[int, Field(strict=True, ge=1, le=4096)]
 Resolution = Annotated[tuple[Cells, Cells, Cells], Field(description="cells along x, y and z")]
 
 MAX_GRID_BANDS = 6
+MAX_TRANSFER_BANDS = 6
 MAX_CELLS = 1 << 25
 """Of all grids of a job: 320 along each axis of one. Larger ones fit neither memory nor a browser."""
 DEFAULT_PRIORITY = 100
@@ -129,6 +130,49 @@ class CaptureReduceSettings(Settings):
     )
     max_distance_m: float | None = Field(
         None, gt=0, description="largest distance between probes that are kept, metres; default: from the density"
+    )
+
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Colour = tuple[Share, Share, Share]
+
+
+class PrtTransferSettings(Settings):
+    """Precomputed radiance transfer of meshes: how each vertex answers to light (paper 003 §3.7; MATHS §9)."""
+
+    mesh: str = Field(min_length=1, description="id of an uploaded mesh, or a file below a data root: GLB, PLY or OBJ")
+    up: Literal["y", "z"] = Field("y", description="which axis of the file points up; glTF says y")
+    normals: Literal["file", "triangles"] = Field(
+        "file", description="vertex normals: the file's where it has them, or always made from the triangles"
+    )
+    bands: int = Field(5, ge=1, le=MAX_TRANSFER_BANDS, description="SH bands; bands² coefficients a vertex")
+    mode: Literal["unshadowed", "shadowed", "interreflected"] = Field(
+        "shadowed", description="exact without shadows; with shadows; with light from other surfaces too"
+    )
+    bounces: int = Field(2, ge=1, le=8, description="interreflected: how many surfaces light may come by way of")
+    directions: int = Field(1024, ge=16, le=65536, description="directions a vertex; visibility is asked for in each")
+    sampling: Literal["hemisphere", "fibonacci", "stratified"] = Field(
+        "hemisphere",
+        description="cosine-weighted about the normal (half the error), a spiral over the sphere, or the paper's"
+        " jittered sphere",
+    )
+    turn: Literal["shared", "vertex"] = Field(
+        "shared", description="hemisphere: the same directions at all vertices, or turned from one to the next (noise)"
+    )
+    albedo: Share | None = Field(None, description="of all objects, instead of the file's colours")
+    object_albedo: dict[str, Colour] = Field(
+        {}, description="linear red, green and blue of objects by name, instead of the file's colours", max_length=256
+    )
+    ground: bool = Field(False, description="add a round ground plane under the objects")
+    ground_radius: float = Field(3.0, ge=1, le=100, description="its radius, in radii of the objects from above")
+    ground_rings: int = Field(64, ge=4, le=1024, description="its rings of vertices")
+    ground_segments: int = Field(96, ge=8, le=2048, description="its vertices a ring")
+    ground_albedo: Share = Field(0.5, description="its albedo")
+    bake: bool = Field(True, description="write the transfer into scene.glb too, as attributes _PRT0 …")
+    seed: int = Field(0, ge=0, lt=1 << 32, description="of the directions' jitter")
+    reuse: bool = Field(True, description="take the result of an earlier job with the same mesh and settings")
+    checkpoint_seconds: float = Field(
+        6.0, ge=0.05, le=3600, description="time between checkpoints: what a kill can cost, seconds"
     )
 
 

@@ -23,11 +23,12 @@ from lightwell_server.head import HeadAsGet
 from lightwell_server.hub import Hub
 from lightwell_server.jobs import Jobs
 from lightwell_server.metrics import Metrics
-from lightwell_server.routes import artifacts, captures, grids, health, jobs, live, page, publish, streams
+from lightwell_server.routes import artifacts, captures, grids, health, jobs, live, page, publish, streams, uploads
 from lightwell_server.services import Services
 from lightwell_server.session import new_session
 from lightwell_server.store import Store
 from lightwell_server.supervisor import Supervisor
+from lightwell_server.uploads import Uploads
 
 log = structlog.get_logger("server")
 
@@ -66,10 +67,14 @@ def create_app(config: Config, server_url: str, page_directory: Path | None = No
         allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "If-Match", "Last-Event-ID", "Range"],
         expose_headers=["Content-Range", "ETag", "Location"],
     )
-    app.add_middleware(BodyLimit, limit=config.server.max_body_kb * 1024)
+    app.add_middleware(
+        BodyLimit,
+        limit=config.server.max_body_kb * 1024,
+        larger={f"{API}/uploads": config.uploads.max_mb * 1024 * 1024},
+    )
     problems.install(app)
     app.add_middleware(HeadAsGet)
-    for module in (health, streams, live, publish, jobs, captures, artifacts, grids):
+    for module in (health, streams, live, publish, jobs, captures, artifacts, grids, uploads):
         app.include_router(module.router, prefix=API)
     app.include_router(health.router, include_in_schema=False)  # where probes and Prometheus look by custom
     page.install(app, page_directory or page.static_directory())
@@ -100,6 +105,7 @@ async def _run(config: Config, store: Store, server_url: str) -> AsyncIterator[S
         catalogue=Catalogue(hub, store, supervisor, config.streams),
         captures=Captures(store, config.jobs, config.server.data_dir),
         jobs=Jobs(config),
+        uploads=Uploads(config.uploads, config.server.data_dir, config.server.min_free_mb),
     )
     for warning in auth.warnings(config.server.host):
         log.warning(warning, host=config.server.host)

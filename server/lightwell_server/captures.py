@@ -11,6 +11,8 @@ from lightwell.io.captures import Capture, open_capture
 from lightwell.job_settings import JobsSettings
 from lightwell_server.store import Store
 
+ROOTS = ("captures", "jobs", "meshes", "uploads")
+"""Folders of the data directory below which inputs of jobs may lie."""
 CAPTURE_ID = re.compile(r"^[a-z0-9][a-z0-9_-]{0,62}$")
 
 
@@ -44,7 +46,7 @@ class Captures:
     def __init__(self, store: Store, settings: JobsSettings, data_dir: Path) -> None:
         self._store = store
         self._data_dir = data_dir.absolute()
-        self._roots = tuple(root.resolve() for root in (data_dir / "captures", data_dir / "jobs", *settings.data_roots))
+        self._roots = tuple(root.resolve() for root in (*(data_dir / name for name in ROOTS), *settings.data_roots))
 
     def all(self) -> list[Registered]:
         """Return the captures by id."""

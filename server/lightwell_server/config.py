@@ -89,6 +89,14 @@ class SupervisorSettings(Settings):
     stop_seconds: float = Field(5.0, gt=0, description="time a process has to end before it is killed, seconds")
 
 
+class UploadsSettings(Settings):
+    """Meshes and light maps that pages and programs send."""
+
+    max_mb: int = Field(256, ge=1, le=4096, description="largest file, megabytes")
+    max_triangles: int = Field(2_000_000, ge=1, le=5_000_000, description="of all objects of a mesh file together")
+    quota_mb: int = Field(4096, ge=1, description="disk that all uploads may use together, megabytes")
+
+
 class LogSettings(Settings):
     """What the server and its workers say on standard error."""
 
@@ -112,6 +120,7 @@ class Config(BaseSettings):
     hub: HubSettings = HubSettings()
     supervisor: SupervisorSettings = SupervisorSettings()
     jobs: JobsSettings = JobsSettings()
+    uploads: UploadsSettings = UploadsSettings()
     log: LogSettings = LogSettings()
     streams: dict[StreamName, StreamSettings] = Field({}, description="streams by name")
 

@@ -21,10 +21,13 @@ from starlette.routing import Match, Mount
 
 from lightwell.errors import LightwellError
 from lightwell.io.grids import GridError
+from lightwell.io.meshes import MeshError
 from lightwell.io.poses import CaptureError
+from lightwell.io.uploads import UploadError
 from lightwell.settings import complaint
 from lightwell_server.captures import CaptureNameError, CaptureRefusedError, CaptureTakenError, CaptureUnknownError
 from lightwell_server.store import StoreError
+from lightwell_server.uploads import UploadFullError, UploadTooLargeError, UploadTypeError, UploadUnknownError
 from lightwell_workers.jobs.database import QueueError
 from lightwell_workers.jobs.kind import JobError
 from lightwell_workers.jobs.queue import CursorError, JobNotFoundError, JobStateError, KeyConflictError
@@ -45,6 +48,12 @@ REFUSALS: dict[type[LightwellError], tuple[int, str]] = {
     CaptureTakenError: (409, "capture-exists"),
     CaptureError: (422, "bad-capture"),
     GridError: (404, "no-such-grid"),
+    MeshError: (422, "bad-mesh"),
+    UploadError: (422, "bad-upload"),
+    UploadUnknownError: (404, "no-such-upload"),
+    UploadTypeError: (415, "upload-type"),
+    UploadTooLargeError: (413, "upload-too-large"),
+    UploadFullError: (507, "no-room"),
     JobError: (422, "invalid-input"),
 }
 """What is answered where the parts of the server raise these."""

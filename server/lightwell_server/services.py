@@ -17,6 +17,7 @@ from lightwell_server.jobs import Jobs
 from lightwell_server.metrics import Metrics
 from lightwell_server.store import Store
 from lightwell_server.supervisor import Supervisor
+from lightwell_server.uploads import Uploads
 
 FAREWELL_SECONDS = 1.0
 """Time that subscribers have to be told that the server stops."""
@@ -37,6 +38,7 @@ class Services:
     catalogue: Catalogue
     captures: Captures
     jobs: Jobs
+    uploads: Uploads
 
     async def wind_down(self) -> None:
         """End the workers, then the subscriptions; doing it twice does no harm."""

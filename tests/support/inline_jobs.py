@@ -14,7 +14,7 @@ from lightwell_workers.jobs.events import EventLog
 from lightwell_workers.jobs.kinds import KINDS
 
 
-def run_inline(kind: str, folder: Path, **settings: Any) -> tuple[Path, dict[str, Any]]:
+def run_inline(kind: str, folder: Path, report: str = "report.json", **settings: Any) -> tuple[Path, dict[str, Any]]:
     """Run a job in ``folder``; return the folder of its results and its report."""
     directory = JobDirectory(folder, "inline-job")
     directory.path.mkdir(parents=True, exist_ok=True)
@@ -26,4 +26,4 @@ def run_inline(kind: str, folder: Path, **settings: Any) -> tuple[Path, dict[str
     one.prepare(parsed, context)
     for step in one.steps(parsed, context):
         step.run(context)
-    return context.results, json.loads((context.results / "report.json").read_text())
+    return context.results, json.loads((context.results / report).read_text())

@@ -57,8 +57,8 @@ def check_document(document: Mapping[str, Any], max_triangles: int) -> None:
         if name in UNREADABLE:
             raise GltfError(f"uses {UNREADABLE[name]} ({name}), which is not read; export it without")
     try:
-        _check_accessors(document, 3 * max_triangles)
         _check_triangles(document, max_triangles)
+        _check_accessors(document, 3 * max_triangles)
     except GltfError:
         raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError) as error:

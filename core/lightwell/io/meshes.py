@@ -8,10 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from PIL import Image
-from trimesh.resolvers import Resolver
 
 from lightwell.errors import LightwellError
 from lightwell.geometry.mesh import DEFAULT_ALBEDO, Mesh, make_mesh
@@ -85,9 +82,10 @@ def read_meshes(
             check_document(document_of_glb(data) if suffix == ".glb" else parse_document(data), max_triangles)
         elif suffix == ".ply":
             _check_ply(data, max_triangles)
-        scene = trimesh.load_scene(
-            io.BytesIO(data), file_type=suffix[1:], resolver=_Beside(folder, name), process=False
-        )
+        import trimesh  # takes longer to import than all the rest
+
+        resolver: Any = _Beside(folder, name)
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=resolver, process=False)
         meshes = _objects(scene, name, up, linear=suffix in (".glb", ".gltf"), max_triangles=max_triangles)
     except (MeshError, MemoryError):
         raise
@@ -107,8 +105,8 @@ class _MissingFileError(Exception):
     """A file that is named cannot be had."""
 
 
-class _Beside(Resolver):
-    """Finds the files that a mesh names in its own folder, and nothing outside it."""
+class _Beside:
+    """Finds the files that a mesh names in its own folder, and nothing outside it; a resolver of trimesh's."""
 
     def __init__(self, folder: Path | None, name: str) -> None:
         self._folder = folder
@@ -130,8 +128,8 @@ class _Beside(Resolver):
         except OSError as error:
             raise _MissingFileError(f"names the file {key!r}, which cannot be read: {error.strerror}") from None
 
-    def write(self, name: str, data: bytes) -> None:
-        raise NotImplementedError
+    def __getitem__(self, key: str) -> bytes:
+        return self.get(key)
 
     def namespaced(self, namespace: str) -> _Beside:
         return _Beside(self._folder and self._folder / namespace, self.file_name)
@@ -159,7 +157,10 @@ def _objects(scene: Any, name: str, up: UpAxis, linear: bool, max_triangles: int
     """Return the meshes of a trimesh scene, one for each use of a geometry, in the order of the file."""
     turn = _Z_UP if up == "y" else np.eye(3)
     uses = [(node, *scene.graph[node]) for node in scene.graph.nodes_geometry]
-    uses = [(matrix, key) for _, matrix, key in uses if isinstance(scene.geometry[key], trimesh.Trimesh)]
+    uses = [(matrix, key) for _, matrix, key in uses if hasattr(scene.geometry[key], "faces")]
+    # Nodes come in no order of the file's; geometries do.
+    order = {key: number for number, key in enumerate(scene.geometry)}
+    uses.sort(key=lambda use: order[use[1]])
     total = sum(len(scene.geometry[key].faces) for _, key in uses)
     if total > max_triangles:
         raise MeshError(f"{name}: has {total} triangles; at most {max_triangles} are read: simplify it")
@@ -257,7 +258,7 @@ def _linear(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _sampled(picture: Any, uv: NDArray[np.float64]) -> NDArray[np.float64]:  # noqa: ANN401
     """Return a picture's linear colour at each vertex, ``(V, 3)``; it repeats outside 0 … 1, v points up."""
-    if not isinstance(picture, Image.Image):
+    if not hasattr(picture, "convert"):
         return np.ones((len(uv), 3))
     width, height = picture.size
     if width * height > MAX_TEXTURE_PIXELS:

@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import AsyncIterator
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
@@ -13,11 +14,13 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from lightwell.job_settings import DEFAULT_PRIORITY, JobKind, JobState
+from lightwell.io.uploads import UPLOAD_ID
+from lightwell.job_settings import DEFAULT_PRIORITY, JobKind, JobState, PrtTransferSettings
 from lightwell.settings import Settings
 from lightwell_server.problems import Problem, invalid_input
 from lightwell_server.routes.access import ADMIN, READ, problems
 from lightwell_server.services import Services, services
+from lightwell_workers.jobs.kind import JobError
 from lightwell_workers.jobs.kinds import KINDS
 from lightwell_workers.jobs.queue import FINISHED, Job, Queue
 from lightwell_workers.jobs.workflow import space_problem
@@ -160,13 +163,25 @@ async def submit_job(
 
 
 def _settings(parts: Services, submission: JobSubmission) -> Settings:
-    """Return the settings with the capture's folder in place of its id."""
+    """Return the settings with the folder of the capture, or the file of the mesh, in place of its id."""
     try:
         settings = KINDS[submission.kind].settings_type.model_validate(submission.settings)
     except ValidationError as error:
         raise invalid_input(error.errors(), ("settings",)) from None
+    if isinstance(settings, PrtTransferSettings):
+        return settings.model_copy(update={"mesh": str(_mesh(parts, settings.mesh))})
     directory = parts.captures.resolve(submission.settings["capture"])
     return settings.model_copy(update={"capture": str(directory)})
+
+
+def _mesh(parts: Services, named: str) -> Path:
+    """Return the file of a mesh that a job names by upload or by path."""
+    if not UPLOAD_ID.match(named):
+        return parts.captures.allowed(named)
+    record = parts.uploads.find(named)
+    if record.kind != "mesh":
+        raise JobError(f"mesh: the upload {named!r} is the light map {record.name}; send a mesh")
+    return parts.uploads.path(record)
 
 
 def _estimate(parts: Services, kind: JobKind, settings: Settings) -> EstimateDocument:
