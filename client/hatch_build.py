@@ -31,6 +31,7 @@ SOURCE_FILES = (
     "vite.module.config.ts",
     "index.html",
     "selfcheck.html",
+    "frames.html",
 )
 SOURCE_FOLDERS = ("src", "public")
 

@@ -7,7 +7,7 @@ export default defineConfig({
   build: {
     outDir: "lightwell_client/static",
     emptyOutDir: true,
-    rolldownOptions: { input: ["index.html", "selfcheck.html"] },
+    rolldownOptions: { input: ["index.html", "selfcheck.html", "frames.html"] },
     chunkSizeWarningLimit: 800, // three.js alone is over the default
   },
   server: { proxy: { "/api": { target: server, ws: true } } },
