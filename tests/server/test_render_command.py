@@ -8,12 +8,16 @@ import sys
 from pathlib import Path
 
 import cv2
+import httpx
 import numpy as np
 import pytest
 from tests.support.publisher import Publisher
+from tests.support.server import running_server
 
 from lightwell.errors import LightwellError
+from lightwell.geometry.shapes import box, sphere
 from lightwell.io.exr import read_rgb
+from lightwell.io.glb import encode_glb
 from lightwell_client import Lightwell, render
 
 SCENE = """
@@ -95,6 +99,25 @@ def test_light_of_a_stream_from_the_terminal_and_from_python(server: str, scene:
     missing = lightwell(str(scene), "--out", str(scene.parent / "x.exr"), "--server", "http://127.0.0.1:9")
     assert missing.returncode == 1
     assert "no answer from" in missing.stderr
+
+
+@pytest.mark.slow
+def test_results_of_a_transfer_job_on_a_server(tmp_path: Path, scene: Path) -> None:
+    with running_server(tmp_path / "data") as url, Lightwell(url, timeout=60) as client:
+        body = encode_glb([box(albedo=0.7), sphere(12, 24)])
+        sent = httpx.post(f"{url}/api/v1/uploads?name=two.glb", content=body, timeout=60)
+        settings = {"mesh": sent.json()["id"], "directions": 64, "bands": 3}
+        job = client.wait(client.submit("prt-transfer", settings).id)
+        assert job.state == "succeeded", job.error
+        scene.write_text(
+            SCENE.format(light='file = "light.json"').replace('shape = "sphere"', f'transfer = "{job.id}"')
+        )
+        result = lightwell(str(scene), "--out", str(tmp_path / "x.exr"), "--server", url, "--json")
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["objects"] == 2
+    pixels = read_rgb(tmp_path / "x.exr").pixels
+    # An open side of the box, and (the sphere is inside it) nothing else.
+    np.testing.assert_allclose(pixels[9, 12], 0.5, rtol=0.03)
 
 
 def test_render_takes_what_would_stand_in_a_file() -> None:
