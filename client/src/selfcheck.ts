@@ -2,7 +2,34 @@
 // and cosine of a shader may be coarse.
 
 import { harmonics } from "./glsl.ts";
+import { MOST_ATTRIBUTES, MOST_TEXTURES, litShader, type FieldVariant, type TransferVariant, type Variant } from "./shader.ts";
 import { PAGE_BANDS, lambertFactors, phongFactors, radiance, scaleBands, type Vector3 } from "./sh.ts";
+
+/** Prefixes that three.js puts before the shaders of `shader.ts`, as far as they are used there. */
+const PREFIXES = {
+  vertex: `#version 300 es
+#define attribute in
+#define varying out
+precision highp float;
+precision highp int;
+precision highp sampler3D;
+uniform mat4 modelMatrix, modelViewMatrix, projectionMatrix, viewMatrix;
+uniform mat3 normalMatrix;
+uniform vec3 cameraPosition;
+in vec3 position;
+in vec3 normal;
+`,
+  fragment: `#version 300 es
+#define varying in
+#define texture2D texture
+#define gl_FragColor pixel
+precision highp float;
+precision highp int;
+precision highp sampler3D;
+uniform vec3 cameraPosition;
+layout(location = 0) out vec4 pixel;
+`,
+};
 
 const WIDTH = 64;
 const HEIGHT = 32;
@@ -47,9 +74,9 @@ function checks(): Check[] {
   return list;
 }
 
-function compile(gl: WebGL2RenderingContext, fragment: string): WebGLProgram {
+function compile(gl: WebGL2RenderingContext, fragment: string, vertex = VERTEX): WebGLProgram {
   const program = gl.createProgram();
-  for (const [type, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]] as const) {
+  for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]] as const) {
     const shader = gl.createShader(type)!;
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
@@ -98,6 +125,52 @@ function difference(gl: WebGL2RenderingContext, { bands, coefficients }: Check, 
   return error / largest;
 }
 
+/** Variants among which every shader feature meets every other. */
+function variants(): Variant[] {
+  const list: Variant[] = [];
+  const transfers: (TransferVariant | null)[] = [null, { bands: 5, from: "attributes" }, { bands: 5, from: "texture" }];
+  const fields: (FieldVariant | null)[] = [
+    null,
+    { sampling: "vertex", stored: 5, columns: 5 },
+    { sampling: "fragment", stored: 5, columns: 5 },
+    { sampling: "fragment", stored: 3, columns: 3 },
+    { sampling: "vertex", stored: 1, columns: 1 },
+  ];
+  for (const transfer of transfers) {
+    for (const field of fields) {
+      for (const glossy of [false, true]) {
+        for (const mirror of ["none", "picture", "harmonics"] as const) {
+          const distant = field === null || mirror === "picture";
+          list.push({ bands: 5, distant, field, transfer, glossy, mirror, coloured: glossy, axes: "lightwell" });
+        }
+      }
+    }
+  }
+  return list;
+}
+
+/** Compile them all, and see how many attributes and texture units they take. Raises `Error` where one does not. */
+function shaders(gl: WebGL2RenderingContext): string {
+  const samplers = new Set<number>([gl.SAMPLER_2D, gl.SAMPLER_3D]);
+  let attributes = 0;
+  let textures = 0;
+  const all = variants();
+  for (const variant of all) {
+    const { vertexShader, fragmentShader } = litShader(variant);
+    const fragment = PREFIXES.fragment + fragmentShader.replaceAll(/^\s*#include.*$/gm, "");
+    const program = compile(gl, fragment, PREFIXES.vertex + vertexShader);
+    attributes = Math.max(attributes, gl.getProgramParameter(program, gl.ACTIVE_ATTRIBUTES) as number);
+    const count = gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS) as number;
+    const types = Array.from({ length: count }, (_, i) => gl.getActiveUniform(program, i)!.type);
+    textures = Math.max(textures, types.filter((type) => samplers.has(type)).length);
+    gl.deleteProgram(program);
+  }
+  if (attributes > MOST_ATTRIBUTES || textures > MOST_TEXTURES) {
+    throw new Error(`Shaders take ${attributes} attributes and ${textures} textures; ${MOST_ATTRIBUTES} and ${MOST_TEXTURES} are there.`);
+  }
+  return `${all.length} shaders compile; they take at most ${attributes} attributes and ${textures} texture units`;
+}
+
 function run(): { passed: boolean; text: string } {
   const gl = new OffscreenCanvas(WIDTH, HEIGHT).getContext("webgl2");
   if (gl === null) return { passed: false, text: "This browser offers no WebGL 2." };
@@ -110,9 +183,15 @@ function run(): { passed: boolean; text: string } {
   gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, floatTexture(gl, null), 0);
   floatTexture(gl, Float32Array.from(all.flatMap((direction) => [...direction, 0])));
   const results = checks().map((check) => ({ name: check.name, error: difference(gl, check, all) }));
+  let compiled = "";
+  try {
+    compiled = shaders(gl);
+  } catch (error) {
+    return { passed: false, text: `A shader does not compile: ${(error as Error).message}` };
+  }
   const passed = results.every(({ error }) => error < TOLERANCE);
   const lines = results.map(({ name, error }) => `${name}: ${error.toExponential(1)}`);
-  return { passed, text: [passed ? "They agree. Largest relative difference:" : "They do NOT agree.", ...lines].join("\n") };
+  return { passed, text: [passed ? "They agree. Largest relative difference:" : "They do NOT agree.", ...lines, compiled].join("\n") };
 }
 
 const output = document.getElementById("result")!;

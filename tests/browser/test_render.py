@@ -21,6 +21,7 @@ from tests.support.reference_pictures import encode_as_page, page_picture, page_
 
 from lightwell.field.grid import Grid
 from lightwell.render import FieldLight, Scene
+from lightwell.render.light import modulate
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(120)]
 
@@ -120,6 +121,31 @@ def test_the_picture_in_a_grid_agrees_with_python(
     expected = encode_as_page(in_grid(scene, field, at), GRID_CAMERA, SIZE, ev=0.0)
     difference = compare(page, expected, f"render-grid-{sampling}-{'prt-phong' if gloss else 'diffuse'}")
     assert difference < 0.01
+
+
+def test_the_picture_in_a_grid_that_the_live_light_changes_agrees_with_python(
+    open_page: OpenPage, room: Publisher, grid: tuple[str, Grid]
+) -> None:
+    name, field = grid
+    at = (-0.3, 0.1, 0.55)
+    here = field.sample((0.0, 0.0, 0.6)).coefficients
+    room.coefficients = 0.6 * here + 0.2 * distant_light((0.8, -0.5, 0.3))
+    camera = ",".join(map(str, GRID_CAMERA))
+    hash_ = f"#{GRID_BARE}&grid={name}&at={at[0]},{at[1]},{at[2]}&camera={camera}&ev=0&sampling=fragment&gloss=0.3"
+    page = open_page(hash_.replace("light=grid", "light=both"), size={"width": SIZE[0], "height": SIZE[1]})
+    changed = modulate(FieldLight(field), room.coefficients)
+    assert 0.05 < changed.residual < 0.9
+    scene = page_scene(FieldLight(field), gloss=0.3)
+    expected = encode_as_page(in_grid(replace(scene, light=changed), field, at), GRID_CAMERA, SIZE, ev=0.0)
+    assert compare(page, expected, "render-grid-and-live") < 0.01
+
+
+def test_the_mirrored_harmonics_agree_with_python(open_page: OpenPage, room: Publisher) -> None:
+    room.coefficients = distant_light((-1.0, -0.6, 0.8)) * [1.0, 0.8, 0.5] + 0.3 * distant_light((1.0, 0.2, 0.1))
+    hash_ = f"#{BARE}&ev=-1&mirror=0.6&gloss=0".replace("backdrop=off", "backdrop=harmonics")
+    page = open_page(hash_, size={"width": SIZE[0], "height": SIZE[1]})
+    expected = page_picture(room.coefficients, CAMERA, SIZE, ev=-1.0, mirror=0.6, gloss=0.0, backdrop=True)
+    assert compare(page, expected, "render-mirror") < 0.01
 
 
 def middle(picture: Picture) -> float:

@@ -1,0 +1,119 @@
+"""Write ``page.json``: what Python says of a small grid, its modulation by a live probe, lobes and transfer.
+
+The page's unit tests (``client/src/page.test.ts``) compare their own mathematics with it. Run anew where one of these
+changes::
+
+    python -m tests.vectors.page.make_page_vectors
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightwell.field.grid import Grid
+from lightwell.field.spec import GridSpec
+from lightwell.field.tiles import pack_tiles, unpack_tiles
+from lightwell.render import DistantLight, FieldLight
+from lightwell.render.light import modulate
+from lightwell.render.material import Material
+from lightwell.render.shading import Surface, receive
+from lightwell.sh.basis import evaluate
+from lightwell.sh.lobes import phong_zonal
+
+FILE = Path(__file__).with_name("page.json")
+EXPONENTS = (1.0, 3.5, 6.0, 10.0, 20.0, 64.0)
+
+
+def grid_vectors(bands: int, resolution: tuple[int, int, int], scale: float) -> dict[str, Any]:
+    """A grid of halves as the browser gets it, and the light at points within and beyond it."""
+    rng = np.random.default_rng(bands)
+    spec = GridSpec((-1.0, 0.5, -0.25), (2.0, 1.5, 0.75), resolution)
+    wild = rng.normal(size=(*spec.shape, bands * bands, 3)).astype(np.float32) * np.float32(scale)
+    tiles, factor = pack_tiles(wild)
+    grid = Grid(spec, unpack_tiles(tiles, bands * bands, factor), np.ones(spec.shape, np.float32))
+    points = [
+        *rng.uniform(spec.lower, spec.upper, (8, 3)).tolist(),
+        [-9.0, 0.6, 0.1],
+        [3.0, 9.0, -4.0],
+        list(spec.lower),
+    ]
+    live = rng.normal(size=(25, 3))
+    changed = modulate(FieldLight(grid, most_bands=min(bands, 5)), live)
+    return {
+        "name": f"{bands} bands, {'x'.join(map(str, resolution))} cells",
+        "bands": bands,
+        "lower": spec.lower,
+        "upper": spec.upper,
+        "resolution": resolution,
+        "scale": factor,
+        "tiles": [tile.astype("<f2").view("<u2").ravel().tolist() for tile in tiles],
+        "points": points,
+        "samples": grid.sample(points).coefficients.tolist(),
+        "live": live.tolist(),
+        "gain": np.broadcast_to(changed.field.gain, 3).tolist(),
+        "residual": changed.residual,
+        "rest": changed.rest.tolist(),
+    }
+
+
+def lobe_vectors() -> list[dict[str, Any]]:
+    """How much of a Phong lobe is cut off, by quadrature of the lobe itself."""
+    u = np.linspace(-1, 1, 200_001)
+    rows = []
+    for exponent in EXPONENTS:
+        lobe = np.maximum(0, u) ** exponent * (exponent + 1) / (2 * np.pi)
+        for bands in range(1, 6):
+            zonal = phong_zonal(exponent, bands)
+            directions = np.stack([np.sqrt(1 - u * u), np.zeros_like(u), u], axis=1)
+            basis = evaluate(directions, bands)
+            order = np.arange(bands)
+            # Coefficients of the lobe about +Z: only those of order 0 are not zero.
+            kept = basis[:, order * order + order] @ (zonal * np.sqrt((2 * order + 1) / (4 * np.pi)))
+            error = np.sqrt(np.trapezoid((lobe - kept) ** 2, u) / np.trapezoid(lobe**2, u))
+            rows.append({"exponent": exponent, "bands": bands, "factors": zonal.tolist(), "error": float(error)})
+    return rows
+
+
+def shading_vectors() -> list[dict[str, Any]]:
+    """Irradiance, and Phong lobe about the mirror direction, of normals and views that are given."""
+    rng = np.random.default_rng(4)
+    coefficients = rng.normal(size=(25, 3))
+    normals, views = (rows / np.linalg.norm(rows, axis=1, keepdims=True) for rows in rng.normal(size=(2, 6, 3)))
+    surface = Surface(np.zeros((6, 3)), normals, views, np.ones((6, 3)), None)
+    rows = []
+    for exponent in EXPONENTS[:4]:
+        received = receive(DistantLight(coefficients), surface, Material(gloss=1.0, exponent=exponent))
+        rows.append(
+            {
+                "exponent": exponent,
+                "coefficients": coefficients.tolist(),
+                "normals": normals.tolist(),
+                "views": views.tolist(),
+                "irradiance": received.irradiance.tolist(),
+                "lobe": received.lobe.tolist(),
+            }
+        )
+    return rows
+
+
+def make() -> dict[str, Any]:
+    """Return all vectors."""
+    return {
+        "grids": [
+            grid_vectors(5, (3, 2, 4), 1.0),
+            grid_vectors(6, (2, 3, 2), 1.0),
+            grid_vectors(3, (4, 1, 2), 3e5),
+            grid_vectors(4, (2, 2, 2), 1.0),
+            grid_vectors(1, (1, 1, 1), 1.0),
+        ],
+        "lobes": lobe_vectors(),
+        "shading": shading_vectors(),
+    }
+
+
+if __name__ == "__main__":
+    FILE.write_text(json.dumps(make(), separators=(",", ":")) + "\n", encoding="utf-8")
