@@ -28,7 +28,14 @@ export interface Arrival {
   /** Whether it is, or was, put into the picture when it was ready. */
   shown: boolean;
   problem: string;
+  /** Whether trying again may help: not where the file itself is refused. */
+  again: boolean;
 }
+
+/** Something has to stand on something for its shadow to be seen. */
+const ON_A_TABLE = { ground: true, ground_radius: 2 };
+/** What is in the picture needs no words for long. */
+const SHOWN_MS = 10_000;
 
 export const arrivals = signal<readonly Arrival[]>([]);
 
@@ -53,6 +60,7 @@ export function takeFiles(chosen: readonly File[]): void {
       stream: null,
       shown: problem === "" && !seen.has(kind),
       problem,
+      again: false,
     };
     if (problem === "") {
       seen.add(kind);
@@ -67,7 +75,7 @@ export function takeFiles(chosen: readonly File[]): void {
 /** Refuse what is no file at all. */
 export function refuseFolder(name: string): void {
   const problem = "Folders are not taken: drop the files that lie in it.";
-  const refused = { kind: "mesh", phase: "failed", sent: 0, job: null, stream: null, shown: false } as const;
+  const refused = { kind: "mesh", phase: "failed", sent: 0, job: null, stream: null, shown: false, again: false } as const;
   arrivals.value = [...arrivals.value, { key: ++lastKey, name, ...refused, problem }];
 }
 
@@ -86,8 +94,8 @@ function start(key: number): void {
   void uploaded
     .then((upload) => (find(key)?.kind === "map" ? makeStream(key, upload) : makeObject(key, upload)))
     .catch((error: unknown) => {
-      if (abort.signal.aborted) update(key, { phase: "cancelled" });
-      else update(key, { phase: "failed", problem: words(error) });
+      if (abort.signal.aborted) update(key, { phase: "cancelled", again: true });
+      else update(key, { phase: "failed", problem: withoutName(words(error), find(key)?.name ?? ""), again: mayPass(error) });
     });
 }
 
@@ -105,14 +113,14 @@ async function bring(key: number, signal: AbortSignal): Promise<Upload> {
 
 async function makeObject(key: number, upload: Upload): Promise<void> {
   if (upload.kind !== "mesh") throw new Error("The server took this for a map, not for a mesh.");
-  const { id } = await submit("prt-transfer", { mesh: upload.id, ground: true });
+  const { id } = await submit("prt-transfer", { mesh: upload.id, ...ON_A_TABLE });
   update(key, { phase: "computing", job: id });
   void refreshResults(); // so that the job is called by the file's name
   const job = await whenFinished(id);
   if (job.state === "cancelled") {
-    update(key, { phase: "cancelled" });
+    update(key, { phase: "cancelled", again: true });
   } else if (job.state === "failed") {
-    update(key, { phase: "failed", problem: job.error ?? "The job failed; its log says more." });
+    update(key, { phase: "failed", problem: job.error ?? "The job failed; its log says more.", again: true });
   } else {
     update(key, { phase: "ready" });
     if (find(key)?.shown) show(key);
@@ -149,6 +157,22 @@ export function show(key: number): void {
     change({ light: "stream" });
   }
   update(key, { shown: true });
+  setTimeout(() => {
+    if (find(key)?.phase === "ready") dismiss(key);
+  }, SHOWN_MS);
+}
+
+/** The server begins its words with the file's name, which stands above them. */
+function withoutName(problem: string, name: string): string {
+  const start = `${name}: `;
+  if (!problem.toLowerCase().startsWith(start.toLowerCase())) return problem;
+  const rest = problem.slice(start.length);
+  return rest === "" ? problem : `It ${rest}`;
+}
+
+/** Whether the same request may succeed later. */
+function mayPass(error: unknown): boolean {
+  return !(error instanceof ApiError) || error.status === 0 || error.status >= 500;
 }
 
 /** Stop an upload, or the job that follows it. */
@@ -160,10 +184,6 @@ export async function stop(key: number): Promise<void> {
 
 export function again(key: number): void {
   if (files.has(key)) start(key);
-}
-
-export function canRetry(key: number): boolean {
-  return files.has(key);
 }
 
 export function dismiss(key: number): void {

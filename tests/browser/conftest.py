@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
 from tests.browser.publisher import Publisher
 from tests.browser.server import ServerProcess
 
@@ -31,6 +31,8 @@ CHROMIUM_FLAGS = [
 VIEWPORT: ViewportSize = {"width": 512, "height": 384}
 
 OpenPage = Callable[..., Page]
+
+expect.set_options(timeout=20_000)  # machines that do much else
 
 
 def _chromium() -> str:

@@ -31,9 +31,7 @@ export function Help({ onClose }: { onClose: () => void }) {
       <header>
         <h2 id="help-title">Keys and mouse</h2>
         <form method="dialog">
-          <button type="submit" autofocus>
-            Close
-          </button>
+          <button type="submit">Close</button>
         </form>
       </header>
       <dl>

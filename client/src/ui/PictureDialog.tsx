@@ -25,12 +25,10 @@ export function PictureDialog() {
       <header>
         <h2 id="picture-title">{shown.title}</h2>
         <form method="dialog" class="buttons">
+          <button type="submit">Close</button>
           <a href={shown.url} target="_blank" rel="noreferrer">
             Open in a tab
           </a>
-          <button type="submit" autofocus>
-            Close
-          </button>
         </form>
       </header>
       <img src={shown.url} alt={shown.title} />

@@ -1,6 +1,6 @@
 import { jobs } from "../jobs/store.ts";
 import { duration } from "../jobs/words.ts";
-import { again, arrivals, canRetry, dismiss, show, stop, type Arrival } from "../uploads.ts";
+import { again, arrivals, dismiss, show, stop, type Arrival } from "../uploads.ts";
 import { change, view } from "../view.ts";
 import { Meter } from "./controls.tsx";
 
@@ -68,7 +68,7 @@ function Entry({ arrival }: { arrival: Arrival }) {
             Cancel
           </button>
         )}
-        {(arrival.phase === "failed" || arrival.phase === "cancelled") && canRetry(arrival.key) && (
+        {(arrival.phase === "failed" || arrival.phase === "cancelled") && arrival.again && (
           <button type="button" onClick={() => again(arrival.key)}>
             Try again
           </button>

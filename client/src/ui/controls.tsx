@@ -1,7 +1,7 @@
 // Inputs of the panel: native elements with a label and a value.
 
 import type { ComponentChildren } from "preact";
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useId, useState } from "preact/hooks";
 
 interface SliderProps {
   disabled?: boolean;
@@ -49,6 +49,7 @@ interface ChoiceProps<T extends string | number> {
 
 /** A row of exclusive buttons (radio inputs, so arrow keys work). */
 export function Choice<T extends string | number>({ label, value, options, onChange }: ChoiceProps<T>) {
+  const group = useId();
   return (
     <fieldset class="choice">
       <legend class="label">{label}</legend>
@@ -57,7 +58,7 @@ export function Choice<T extends string | number>({ label, value, options, onCha
           <label key={option.value} title={option.hint}>
             <input
               type="radio"
-              name={label}
+              name={group}
               value={option.value}
               checked={option.value === value}
               onChange={() => onChange(option.value)}

@@ -1,0 +1,231 @@
+"""What people come to do, from the first gesture to the picture."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Locator, Page, ViewportSize, expect
+from tests.browser.conftest import OpenPage
+from tests.browser.files import green_map, hold_over, keep, let_go, mushroom
+from tests.browser.pictures import Picture, see_until
+from tests.browser.publisher import Publisher, distant_light
+from tests.browser.server import ServerProcess
+from tests.support.jobs import make_capture
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(300)]
+
+SIZE: ViewportSize = {"width": 900, "height": 620}
+BARE = "stream=room&hud=0&backdrop=off&ev=0&theme=dark"
+JOB_MS = 150_000
+"""Executors start and compile, on machines that do much else."""
+
+
+@pytest.fixture(scope="module")
+def captures(server: ServerProcess) -> Path:
+    folder = server.directory / "data" / "captures"
+    make_capture(folder / "rig")
+    make_capture(folder / "slow", probes=1500, size=64)
+    return folder
+
+
+def tab(page: Page, name: str) -> None:
+    page.get_by_role("tab", name=re.compile(f"^{name}")).click()
+
+
+def arrival(page: Page, name: str) -> Locator:
+    return page.get_by_test_id("arrival").filter(has_text=name)
+
+
+def register(page: Page, folder: str) -> None:
+    page.get_by_text("Register a capture").click()
+    page.get_by_label("Folder").fill(folder)
+    page.get_by_role("button", name="Register", exact=True).click()
+
+
+def stage(picture: Picture) -> Picture:
+    """Cut out what lies left of the panel."""
+    return picture[60:560, 40:520]
+
+
+def test_a_dropped_mesh_gets_shadows(open_page: OpenPage, room: Publisher) -> None:
+    room.coefficients = distant_light((0.2, -0.3, 1))
+    page = open_page(f"#{BARE}", size=SIZE)
+    expect(page.get_by_test_id("badge")).to_have_text("Live")
+    hold_over(page, {"mushroom.glb": mushroom()})
+    expect(page.get_by_test_id("drop")).to_contain_text("GLB, OBJ, PLY")
+    keep(page, "drop-overlay")
+    let_go(page)
+    expect(page.get_by_test_id("drop")).to_have_count(0)
+    row = arrival(page, "mushroom.glb")
+    expect(row.get_by_role("progressbar")).to_be_visible()
+    expect(row).to_contain_text("shadows", timeout=JOB_MS)
+    tab(page, "Jobs")
+    job = page.get_by_test_id("job").first
+    expect(job).to_contain_text("Shadows of a mesh")
+    expect(job).to_contain_text("mushroom.glb")
+    keep(page, "drop-computing")
+    expect(row).to_contain_text("is shown, with shadows", timeout=JOB_MS)
+    expect(job).to_have_attribute("data-state", "succeeded")
+    page.wait_for_function("location.hash.includes('object=')")
+    row.get_by_role("button", name="Dismiss").click()
+    tab(page, "Scene")
+    expect(page.get_by_label("Object", exact=True).locator("option:checked")).to_have_text("mushroom.glb")
+    with_shadows = see_until(page, lambda picture: bool(stage(picture).std() > 15))
+    keep(page, "drop-shown")
+    # Shadows darken, and only in places: under the cap, not on the rim of the ground.
+    page.get_by_label("Shadows").uncheck()
+    without = see_until(page, lambda picture: bool(np.abs(stage(picture) - stage(with_shadows)).max() > 40))
+    difference = (stage(without) - stage(with_shadows)).mean(2)
+    assert difference.max() > 40
+    assert (np.abs(difference) < 4).mean() > 0.4
+    assert difference.mean() > 0.5
+    # The same is seen by whoever gets the address.
+    page.get_by_label("Shadows").check()
+    page.wait_for_function("!location.hash.includes('shadows=')")
+    address = page.evaluate("location.hash")
+    page.reload()
+    again = see_until(page, lambda picture: bool(np.abs(stage(picture) - stage(with_shadows)).mean() < 2))
+    assert np.abs(stage(again) - stage(with_shadows)).mean() < 2
+    assert page.evaluate("location.hash") == address
+
+
+def test_a_map_becomes_a_stream(open_page: OpenPage, room: Publisher, tmp_path: Path) -> None:
+    page = open_page(f"#{BARE}", size=SIZE)
+    expect(page.get_by_test_id("badge")).to_have_text("Live")
+    file = tmp_path / "Green Field.exr"
+    file.write_bytes(green_map(tmp_path))
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Add a mesh or a map…").click()
+    chooser.value.set_files(file)
+    expect(arrival(page, "Green Field.exr")).to_contain_text("is the stream green-field", timeout=60_000)
+    expect(page.get_by_label("Stream", exact=True)).to_have_value("green-field")
+    expect(page.get_by_test_id("badge")).to_have_text("Live", timeout=60_000)
+
+    def is_green(picture: Picture) -> bool:
+        middle = stage(picture).mean((0, 1))
+        return bool(middle[1] > 2 * middle[0])
+
+    assert is_green(see_until(page, is_green))
+    keep(page, "map-as-stream")
+    tab(page, "Streams")
+    card = page.get_by_test_id("stream").filter(has_text="green-field")
+    card.get_by_role("button", name="Remove").click()
+    card.get_by_role("button", name="Remove it for good?").click()
+    expect(card).to_have_count(0)
+    expect(page.get_by_test_id("badge")).to_have_text("Live", timeout=20_000)
+
+
+def test_what_is_not_taken_is_said_in_words(open_page: OpenPage, room: Publisher, console: list[str]) -> None:
+    page = open_page(f"#{BARE}", size=SIZE)
+    files = {"notes.txt": b"hello", "photo.jpg": b"\xff\xd8", "empty.glb": b"", "broken.glb": mushroom()[:300]}
+    hold_over(page, files)
+    let_go(page)
+    expect(arrival(page, "notes.txt")).to_contain_text("neither a mesh")
+    expect(arrival(page, "photo.jpg")).to_contain_text(".exr or .hdr")
+    expect(arrival(page, "empty.glb")).to_contain_text("is empty")
+    expect(arrival(page, "broken.glb")).to_contain_text("It is cut short or damaged", timeout=60_000)
+    expect(arrival(page, "broken.glb").get_by_role("button", name="Try again")).to_have_count(0)
+    keep(page, "refusals")
+    for name in files:
+        page.get_by_role("button", name=f"Dismiss {name}").click()
+    expect(page.get_by_test_id("arrival")).to_have_count(0)
+    # Chromium itself reports each answer that is an error.
+    assert all("422" in line for line in console), console
+    console.clear()
+
+
+def test_a_grid_from_a_capture_to_the_picture(
+    open_page: OpenPage, room: Publisher, captures: Path, console: list[str]
+) -> None:
+    page = open_page(f"#{BARE}&tab=captures", size=SIZE)
+    register(page, "captures/rig")
+    card = page.get_by_test_id("capture").filter(has_text="rig")
+    expect(card).to_contain_text("40 probes")
+    card.get_by_text("Look into it").click()
+    expect(card).to_contain_text("mirror-sphere")
+    keep(page, "captures")
+    card.get_by_role("button", name="Make a grid…").click()
+    form = page.get_by_role("form", name="New job")
+    expect(form.get_by_label("Capture")).to_have_value("rig")
+    form.get_by_label("Resolutions").fill("8")
+    form.get_by_label("Bands").fill("9")
+    form.get_by_role("button", name="What will it take?").click()
+    expect(form.locator(".field.invalid")).to_contain_text("9")
+    form.get_by_label("Bands").fill("5")
+    form.get_by_role("button", name="What will it take?").click()
+    expect(page.get_by_test_id("estimate")).to_contain_text("MB")
+    keep(page, "job-form")
+    form.get_by_role("button", name="Submit").click()
+    expect(form).to_have_count(0)
+    job = page.get_by_test_id("job").first
+    expect(job).to_contain_text("Light grid")
+    expect(job.get_by_role("button", name="Open the grid")).to_be_visible(timeout=JOB_MS)
+    expect(job.get_by_role("img")).to_have_count(0)  # the preview is decoration of a button
+    expect(job.locator("img")).to_be_visible()
+    job.get_by_text("Results").click()
+    expect(job.get_by_role("link", name="report.json")).to_be_visible()
+    job.get_by_text("Log").click()
+    expect(job.locator("pre").first).to_contain_text("succeeded")
+    keep(page, "job-done")
+    job.get_by_role("button", name="Open the grid").click()
+    page.wait_for_function("location.hash.includes('light=grid') && location.hash.includes('grid=')")
+    expect(page.get_by_test_id("at")).to_contain_text(" m")
+    expect(page.get_by_label("Which grid").locator("option:checked")).to_contain_text("8×8×8")
+    page.get_by_label("Slice", exact=True).fill("0.25")
+    page.wait_for_function("location.hash.includes('slice=0.25')")
+    first = see_until(page, lambda picture: bool(stage(picture).std() > 8))
+    keep(page, "grid-open")
+    page.get_by_role("radio", name="Both").check(force=True)
+    expect(page.get_by_test_id("modulation")).to_contain_text("Gain", timeout=20_000)
+    page.get_by_role("radio", name="Grid").check(force=True)
+    page.wait_for_function("location.hash.includes('light=grid')")
+    page.reload()
+    again = see_until(page, lambda picture: bool(np.abs(stage(picture) - stage(first)).mean() < 2))
+    assert np.abs(stage(again) - stage(first)).mean() < 2
+    tab(page, "Grids")
+    grid = page.get_by_test_id("grid").first
+    expect(grid).to_contain_text("shown")
+    grid.get_by_text("Look into it").click()
+    expect(grid).to_contain_text("relative")
+    grid.get_by_role("radio", name="down").check(force=True)
+    expect(grid.locator("img")).to_have_attribute("src", re.compile("normal=0,0,-1"))
+    grid.get_by_role("button", name="Sample at").click()
+    expect(page.get_by_test_id("sample")).to_contain_text("of the sphere")
+    expect(grid).to_contain_text("lightwell grid export")
+    keep(page, "grids")
+    grid.get_by_role("button", name="Slices with axes").click()
+    expect(page.get_by_role("dialog").locator("img")).to_be_visible()
+    page.keyboard.press("Escape")
+    grid.get_by_role("button", name="Back to the stream").click()
+    page.wait_for_function("!location.hash.includes('light=')")
+    # Chromium itself reports the answer that was an error.
+    assert all("422" in line for line in console), console
+    console.clear()
+
+
+def test_a_job_is_cancelled_tried_again_and_deleted(open_page: OpenPage, room: Publisher, captures: Path) -> None:
+    page = open_page(f"#{BARE}&tab=captures", size=SIZE)
+    register(page, "captures/slow")
+    page.get_by_test_id("capture").filter(has_text="slow").get_by_role("button", name="Make a grid…").click()
+    form = page.get_by_role("form", name="New job")
+    form.get_by_label("Resolutions").fill("48")
+    form.get_by_role("button", name="What will it take?").click()
+    form.get_by_role("button", name="Submit").click()
+    job = page.get_by_test_id("job").first
+    expect(job).to_have_attribute("data-state", "running", timeout=JOB_MS)
+    expect(page.get_by_role("tab", name=re.compile("^Jobs"))).to_contain_text("1")
+    expect(job.get_by_role("progressbar")).to_have_attribute("aria-valuenow", re.compile(r"\d+"), timeout=JOB_MS)
+    keep(page, "job-running")
+    job.get_by_role("button", name="Cancel").click()
+    expect(job).to_have_attribute("data-state", "cancelled", timeout=30_000)
+    job.get_by_role("button", name="Retry").click()
+    expect(job).to_have_attribute("data-state", "running", timeout=JOB_MS)
+    job.get_by_role("button", name="Cancel").click()
+    expect(job).to_have_attribute("data-state", "cancelled", timeout=30_000)
+    count = page.get_by_test_id("job").count()
+    job.get_by_role("button", name="Delete").click()
+    job.get_by_role("button", name="Delete it and its results?").click()
+    expect(page.get_by_test_id("job")).to_have_count(count - 1)
