@@ -82,7 +82,7 @@ def test_materials_and_their_pictures() -> None:
         CORNERS, [[0, 1, 2]], visual=trimesh.visual.TextureVisuals(uv=uv, material=material), process=False
     )
     found = read_meshes(glb(triangle.scene()), "t.glb")[0]
-    np.testing.assert_allclose(found.albedo, [[1, 0, 0], [0, 1, 0], [0.5, 0.5, 0.25]], atol=0.01)
+    np.testing.assert_allclose(found.albedo, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 0.25]], atol=0.01)
 
 
 def test_an_obj_with_materials_takes_them_from_its_folder_only(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Sequence
 from functools import lru_cache, partial
 from pathlib import Path
@@ -73,10 +74,12 @@ def _open(scene: str, document: str, digest: str) -> Opened:
 
 def trace_part(
     cancel: Path, document: str, digest: str, scene: str, out: str, first: int, last: int, keep_hits: bool
-) -> int:
-    """Write the direct transfer of the vertices ``first`` … ``last − 1`` to ``out``; return how many rays it took."""
+) -> tuple[int, float]:
+    """Write the direct transfer of the vertices ``first`` … ``last − 1`` to ``out``; return rays and core seconds."""
     opened = _open(scene, document, digest)
+    started = time.thread_time()
     found = opened.tracer.direct(first, last, keep_hits, partial(stop_if_cancelled, cancel))
+    seconds = time.thread_time() - started
     save_arrays(
         Path(out),
         halves=found.halves,
@@ -85,7 +88,7 @@ def trace_part(
         hit_counts=found.hit_counts,
         rays=np.array(found.rays),
     )
-    return found.rays
+    return found.rays, seconds
 
 
 def load_direct(path: Path) -> DirectTransfer:

@@ -7,7 +7,6 @@ prepare (read the meshes; take an earlier job's result where there is one) → t
 from __future__ import annotations
 
 import os
-import time
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -97,7 +96,6 @@ def _remember(plan: Plan, context: JobContext) -> None:
 
 
 def _trace(settings: PrtTransferSettings, plan: Plan, group: list[Part], context: JobContext) -> None:
-    started = time.perf_counter()
     context.progress("trace", group[0].first, plan.vertices)
     missing = [part for part in group if not _direct(context, part).exists()]
     document, keep = settings.model_dump_json(), settings.mode == "interreflected"
@@ -106,13 +104,12 @@ def _trace(settings: PrtTransferSettings, plan: Plan, group: list[Part], context
         for part in missing
     ]
     done = group[0].first + sum(part.last - part.first for part in group if part not in missing)
-    rays = 0
-    for part, traced in zip(missing, context.map(trace_part, items), strict=True):
-        rays += traced
+    rays, seconds = 0, 0.0
+    for part, (more_rays, more_seconds) in zip(missing, context.map(trace_part, items), strict=True):
+        rays, seconds = rays + more_rays, seconds + more_seconds
         done += part.last - part.first
         context.progress("trace", done, plan.vertices)
-    seconds = time.perf_counter() - started
-    context.log("traced", rays=rays, rays_per_second=round(rays / max(seconds, 1e-6)))
+    context.log("traced", rays=rays, core_seconds=round(seconds, 3))
 
 
 def _load_direct_sums(plan: Plan, context: JobContext) -> tuple[Float32s, Float32s, Any]:
