@@ -1,4 +1,5 @@
-// The lit objects: a bunny, a ball and a round table, baked by tools/bake_scene.py with their diffuse transfer.
+// The lit objects: a bunny, a ball (not in each file) and a round table, baked by tools/bake_scene.py with their diffuse
+// transfer.
 
 import { BufferAttribute, BufferGeometry, InterleavedBuffer, InterleavedBufferAttribute, Mesh, Sphere, Vector3 } from "three";
 
@@ -23,7 +24,7 @@ const FIRST_LANE = { position: 0, normal: 4, transfer: 8 };
 export const BOUNDS = new Sphere(new Vector3(0.12, -0.08, 0.5), 1.82);
 
 /** Fetch the file and make one mesh a part; raises `Error` where it cannot be had. */
-export async function loadStillLife(url: string, light: LightUniforms): Promise<Record<PartName, LitMesh>> {
+export async function loadStillLife(url: string, light: LightUniforms): Promise<Partial<Record<PartName, LitMesh>>> {
   const response = await fetch(url);
   if (!response.ok || response.body === null) throw new Error(`${url}: ${response.status} ${response.statusText}`);
   const unzipped = response.body.pipeThrough(new DecompressionStream("gzip"));
@@ -53,5 +54,5 @@ export async function loadStillLife(url: string, light: LightUniforms): Promise<
     mesh.frustumCulled = false;
     return [name, mesh] as const;
   });
-  return Object.fromEntries(meshes) as Record<PartName, LitMesh>;
+  return Object.fromEntries(meshes) as Partial<Record<PartName, LitMesh>>;
 }

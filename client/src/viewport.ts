@@ -262,7 +262,8 @@ export class Viewport {
     const newest = this.held ?? this.live.light;
     if ((!this.paused || this.held !== null) && newest !== this.shown) {
       this.shown = newest;
-      this.applyLight(view.peek());
+      // A grid alone does not change with the stream: nothing to draw.
+      if (view.peek().light !== "grid") this.applyLight(view.peek());
     }
     this.adapt();
     if (this.live.backdrop !== null && !this.paused) {

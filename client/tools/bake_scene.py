@@ -1,9 +1,13 @@
-"""Bake the page's still life (bunny, ball, round table) with its diffuse transfer into ``public/scene.bin``.
+"""Bake the page's objects with their diffuse transfer.
+
+The still life (bunny, ball, round table) goes into ``public/scene.bin``, the bunny alone on the table into
+``public/bunny.bin``.
 
 Run from ``client/`` where the mesh changes::
 
     pip install fast-simplification
     python tools/bake_scene.py bunny.npz     # v (n, 3) float, f (m, 3) int, +Y up, closed
+    python tools/bake_scene.py public/scene.bin bunny     # only bunny.bin, with the mesh of an earlier still life
 
 Every vertex gets 25 transfer coefficients (Sloan, Kautz and Snyder 2002; unshadowed they are ``A_l Y_lm(n)``)::
 
@@ -23,7 +27,6 @@ import json
 import sys
 from pathlib import Path
 
-import fast_simplification
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +40,7 @@ Surface = tuple[Floats, Floats, NDArray[np.int64]]
 BANDS = 5
 DIRECTIONS = 2048
 DEPTH_PIXELS = 1024
+LANES = 36
 TRIANGLES_OF_BUNNY = 14_000
 NORMAL_SMOOTHING = 3
 TRANSFER_STEP = 16  # of 32767: finer than the bake is exact, and it compresses
@@ -63,6 +67,10 @@ def smooth_normals(positions: Floats, triangles: NDArray[np.int64]) -> Floats:
 
 def bunny(path: Path) -> Surface:
     """Return positions, normals (of the full mesh) and triangles of the simplified bunny, standing on z = 0."""
+    if path.suffix == ".bin":
+        return _baked(path, "bunny")
+    import fast_simplification
+
     mesh = np.load(path)
     fine = mesh["v"].astype(np.float64)
     positions, triangles = fast_simplification.simplify(mesh["v"], mesh["f"], target_count=TRIANGLES_OF_BUNNY)
@@ -74,6 +82,18 @@ def bunny(path: Path) -> Surface:
     positions *= BUNNY_HEIGHT / np.ptp(positions[:, 2])
     positions -= [positions[:, 0].mean() + 0.3, positions[:, 1].mean() - 0.1, positions[:, 2].min() + 0.004]
     return positions, normals, triangles
+
+
+def _baked(path: Path, name: str) -> Surface:
+    """Return a part of an earlier scene file."""
+    data = gzip.decompress(path.read_bytes())
+    length = int(np.frombuffer(data, "<u4", 1)[0])
+    header = json.loads(data[4 : 4 + length])
+    lanes = np.frombuffer(data, "<i2", LANES * header["vertices"], 4 + length).reshape(-1, LANES) / 32767
+    every = np.frombuffer(data, "<u2", offset=4 + length + 2 * LANES * header["vertices"]).astype(np.int64)
+    part = next(item for item in header["parts"] if item["name"] == name)
+    used, triangles = np.unique(every[part["start"] : part["start"] + part["count"]], return_inverse=True)
+    return lanes[used, 0:3] * header["scales"]["position"], lanes[used, 4:7], triangles.reshape(-1, 3)
 
 
 def lathe(profile: Floats, profile_normals: Floats, segments: int, centre: tuple[float, float]) -> Surface:
@@ -214,11 +234,11 @@ def fibonacci_directions(count: int) -> tuple[Floats, Floats]:
     return directions, np.stack([across, np.cross(directions, across), directions], axis=1)
 
 
-def main(mesh_path: Path, output_path: Path) -> None:
-    """Bake and write the file."""
+def bake(surfaces: dict[str, Surface], output_path: Path) -> None:
+    """Bake surfaces that shade each other, and write the file."""
     parts, positions, normals, triangles = [], [], [], []
     first_vertex = first_index = 0
-    for name, (p, n, t) in {"bunny": bunny(mesh_path), "ball": ball(), "table": table()}.items():
+    for name, (p, n, t) in surfaces.items():
         parts.append({"name": name, "start": first_index, "count": t.size})
         positions.append(p)
         normals.append(n)
@@ -234,7 +254,7 @@ def main(mesh_path: Path, output_path: Path) -> None:
     accumulate_visible(positions, normals, triangles, radius, frames, evaluate(directions, BANDS), depth, transfer)
     transfer *= 4 * np.pi / DIRECTIONS
 
-    lanes = np.zeros((len(positions), 36))
+    lanes = np.zeros((len(positions), LANES))
     scales = {"position": np.abs(positions).max(), "normal": 1.0, "transfer": np.abs(transfer).max()}
     lanes[:, 0:3] = positions / scales["position"]
     lanes[:, 4:7] = normals
@@ -250,4 +270,7 @@ def main(mesh_path: Path, output_path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path("public/scene.bin"))
+    figure = bunny(Path(sys.argv[1]))
+    if sys.argv[2:] != ["bunny"]:
+        bake({"bunny": figure, "ball": ball(), "table": table()}, Path("public/scene.bin"))
+    bake({"bunny": figure, "table": table()}, Path("public/bunny.bin"))

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 from tests.browser.conftest import OpenPage
-from tests.browser.pictures import Picture, settled
+from tests.browser.pictures import Picture, see_until, settled
 from tests.browser.publisher import Publisher, distant_light
 from tests.browser.results import lit_and_dark, put_adaptive, put_grid
 from tests.browser.server import ServerProcess
@@ -212,3 +212,32 @@ def test_grids_and_probes_look_well(open_page: OpenPage, room: Publisher, grid: 
         picture = settled(page)
         keep(picture, f"look-{title}")
         assert picture.std() > 10
+
+
+def test_the_handles_move_the_object_and_keep_it_in_the_box(
+    open_page: OpenPage, room: Publisher, grid: tuple[str, Grid]
+) -> None:
+    name, _ = grid
+    page = open_page(f"#{GRID_BARE}&grid={name}&at=0,0,0.6&gizmo=1", size={"width": 800, "height": 600})
+
+    def red(picture: Picture) -> NDArray[np.int64]:
+        """Rows and columns of the handle along x."""
+        return np.argwhere((picture[..., 0] > 200) & (picture[..., 1:].max(axis=-1) < 60))
+
+    picture = see_until(page, lambda seen: len(red(seen)) > 40)
+    row, column = red(picture)[red(picture)[:, 1].argmax()]
+    page.mouse.move(int(column) - 4, int(row))
+    page.mouse.down()
+    page.mouse.move(int(column) + 60, int(row), steps=4)
+    page.mouse.up()
+    page.wait_for_function("/at=[^0&-][^,]*,|at=0[.][^,]*,/.test(location.hash)")
+    x, y, z = map(float, page.evaluate("location.hash.match(/at=([^&]*)/)[1].split(',')"))
+    assert x > 0.05
+    assert (y, z) == pytest.approx((0.0, 0.6), abs=0.01)
+    assert "camera=" not in page.evaluate("location.hash"), "the camera does not turn meanwhile"
+    keep(settled(page), "grid-handles")
+    # Beyond the box it does not go.
+    page.locator("canvas").first.focus()
+    for _ in range(24):
+        page.keyboard.press("i")
+    page.wait_for_function("location.hash.match(/at=([^&]*)/)[1].split(',')[2] === '1.2'")

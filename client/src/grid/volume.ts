@@ -90,7 +90,7 @@ export class Volume {
   private shown = "";
 
   constructor(private readonly light: LightUniforms) {
-    const sphere = new SphereGeometry(1, 24, 16);
+    const sphere = new SphereGeometry(1, 16, 11);
     const geometry = new InstancedBufferGeometry();
     geometry.index = sphere.index;
     geometry.setAttribute("position", sphere.getAttribute("position"));

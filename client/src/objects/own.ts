@@ -14,10 +14,11 @@ export type OwnObject = "stilllife" | "bunny" | "sphere";
 
 export async function loadOwnObject(name: OwnObject, light: LightUniforms): Promise<Subject> {
   if (name === "sphere") return sphereOnGround(light);
-  const { bunny, ball, table } = await loadStillLife(new URL("scene.bin", document.baseURI).href, light);
-  if (name === "bunny") return new Subject([bunny], new Sphere(new Vector3(-0.3, 0.05, 0.75), 1.1));
+  const file = name === "bunny" ? "bunny.bin" : "scene.bin";
+  const { bunny, ball, table } = await loadStillLife(new URL(file, document.baseURI).href, light);
+  table!.material.surface.albedo.set(TABLE.colour);
+  if (ball === undefined) return new Subject([bunny!, table!], new Sphere(new Vector3(0.1, -0.06, 0.44), 1.85), [bunny!]);
   ball.material.surface.albedo.set(BALL.colour);
   ball.material.surface.gloss = BALL.gloss;
-  table.material.surface.albedo.set(TABLE.colour);
-  return new Subject([bunny, ball, table], BOUNDS, [bunny]);
+  return new Subject([bunny!, ball, table!], BOUNDS, [bunny!]);
 }
