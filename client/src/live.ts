@@ -177,8 +177,11 @@ export class LiveStream {
     clearTimeout(this.silenceTimer);
     this.retryAtMs = null;
     if (this.socket === null) return;
-    this.socket.onmessage = this.socket.onclose = null;
-    this.socket.close();
+    const { socket } = this;
+    socket.onmessage = socket.onclose = null;
+    // Browsers complain of a connection that is closed before it stands.
+    if (socket.readyState === WebSocket.CONNECTING) socket.onopen = () => socket.close();
+    else socket.close();
     this.socket = null;
   }
 

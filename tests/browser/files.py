@@ -10,7 +10,9 @@ import numpy as np
 import trimesh
 from playwright.sync_api import Page
 
+from lightwell.geometry.mesh import Mesh
 from lightwell.io.exr import write_rgb
+from lightwell.io.glb import encode_glb
 
 ARTEFACTS = Path(__file__).parents[2] / ".artefacts"
 
@@ -42,15 +44,17 @@ def let_go(page: Page) -> None:
 
 def mushroom() -> bytes:
     """Return a GLB of a disc that stands over a stem: its shadow is wide."""
-    cap = trimesh.creation.cylinder(radius=0.5, height=0.08, sections=24)
-    cap.apply_translation([0, 0, 0.7])
-    stem = trimesh.creation.cylinder(radius=0.08, height=0.7, sections=12)
-    stem.apply_translation([0, 0, 0.35])
-    mesh = trimesh.util.concatenate([cap.subdivide(), stem.subdivide()])
-    mesh.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # glTF's up is +Y
-    data = mesh.export(file_type="glb")
-    assert isinstance(data, bytes)
-    return data
+    cap = trimesh.creation.cylinder(radius=0.5, height=0.08, sections=24).subdivide()
+    stem = trimesh.creation.cylinder(radius=0.08, height=0.7, sections=12).subdivide()
+    parts = [(cap, 0.7), (stem, 0.35)]
+    meshes = []
+    for part, height in parts:
+        positions = np.asarray(part.vertices, dtype=np.float32) + np.array([0, 0, height], dtype=np.float32)
+        triangles = np.asarray(part.faces, dtype=np.int32)
+        normals = np.asarray(part.vertex_normals, dtype=np.float32)
+        albedo = np.full_like(positions, 0.7)
+        meshes.append(Mesh("part", positions, triangles, normals, albedo))
+    return encode_glb(meshes)
 
 
 def green_map(directory: Path) -> bytes:

@@ -88,8 +88,7 @@ export async function loadKinds(): Promise<void> {
 function take(list: Job[]): void {
   const before = new Map((jobs.peek() ?? []).map((job) => [job.id, job]));
   if (list.some((job) => isFinished(job) && before.has(job.id) && !isFinished(before.get(job.id)!))) ended.value++;
-  // Events are newer than what a list that was asked for before them says.
-  jobs.value = list.map((job) => (followers.has(job.id) && !isFinished(job) ? { ...job, ...followers.get(job.id)!.latest } : job));
+  jobs.value = list.map(withEvents);
   for (const job of list) {
     if (!isFinished(job)) followers.get(job.id) ?? (job.state !== "queued" && follow(job.id));
   }
@@ -102,10 +101,18 @@ function put(job: Job): void {
   take(known ? list.map((item) => (item.id === job.id ? job : item)) : [job, ...list]);
 }
 
+/** A job with what its events have said: they are newer than a list, except for a cancellation. */
+function withEvents(job: Job): Job {
+  const latest = followers.get(job.id)?.latest;
+  if (latest === undefined || isFinished(job)) return job;
+  const state = job.state === "queued" ? (latest.state ?? job.state) : job.state;
+  return { ...job, state, progress: latest.progress ?? job.progress };
+}
+
 interface Follower {
   source: EventSource;
   /** What the events have said since the list was read. */
-  latest: Partial<Job>;
+  latest: { state?: JobState; progress?: Progress };
   flushTimer: ReturnType<typeof setTimeout> | undefined;
 }
 
@@ -122,11 +129,11 @@ function follow(id: string): void {
     source.close();
     followers.delete(id);
   };
-  const note = (part: Partial<Job>) => {
+  const note = (part: Follower["latest"]) => {
     follower.latest = { ...follower.latest, ...part };
     follower.flushTimer ??= setTimeout(() => {
       follower.flushTimer = undefined;
-      jobs.value = (jobs.peek() ?? []).map((job) => (job.id === id ? { ...job, ...follower.latest } : job));
+      jobs.value = (jobs.peek() ?? []).map(withEvents);
     }, FLUSH_MS);
   };
   const read = <T>(event: Event) => JSON.parse((event as MessageEvent<string>).data) as T;

@@ -15,6 +15,7 @@ describe("numbers for people", () => {
     expect([12, 999, 1500, 12_400_000, 999_999].map(bytes)).toEqual(["12 B", "999 B", "1.5 kB", "12 MB", "1.0 MB"]);
     expect([0.25, 3, 3.25, 12_345, 4.2e6].map(count)).toEqual(["0.25", "3", "3.3", "12 k", "4.2 M"]);
     expect(point([0.1234, -1, 2.5])).toBe("0.12, -1, 2.5");
+    expect(point([-0.001])).toBe("0");
     expect(baseName("/data/captures/stage/")).toBe("stage");
   });
 });

@@ -60,5 +60,5 @@ export function baseName(path: string): string {
 }
 
 export function point(at: readonly number[], digits = 2): string {
-  return at.map((value) => Number(value.toFixed(digits)).toString()).join(", ");
+  return at.map((value) => String(Number(value.toFixed(digits)) + 0)).join(", "); // + 0: no minus before a zero
 }

@@ -13,6 +13,7 @@ import { Help } from "./Help.tsx";
 import { Hud } from "./Hud.tsx";
 import { Panel } from "./Panel.tsx";
 import { PictureDialog } from "./PictureDialog.tsx";
+import { Starting } from "./Starting.tsx";
 import { Tray } from "./Tray.tsx";
 
 const PREFERS_LIGHT = matchMedia("(prefers-color-scheme: light)");
@@ -38,7 +39,11 @@ function Empty() {
       <p>Start one; this page will follow it by itself.</p>
       <pre>lightwell ingest synthetic:room --stream room</pre>
       <p>
-        Or run <code>lightwell demo</code> for samples.
+        Or drop a lat-long map (EXR, HDR) onto the page, run <code>lightwell demo</code> for samples, or{" "}
+        <button type="button" class="link" onClick={() => change({ tab: "streams", panel: true })}>
+          add a stream here
+        </button>
+        .
       </p>
     </div>
   );
@@ -137,7 +142,7 @@ export function App() {
           </button>
         </div>
       )}
-      {commands.value !== null && <Panel commands={commands.value} element={panel} />}
+      {commands.value !== null ? <Panel commands={commands.value} element={panel} /> : failure.value === "" && <Starting />}
       <div class="message" role="status" aria-live="polite">
         {message.value}
       </div>

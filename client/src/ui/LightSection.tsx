@@ -105,7 +105,7 @@ function GridControls() {
         min={0}
         max={1}
         step={0.005}
-        shown={place === null ? `${(100 * slice).toFixed(0)} %` : `${place.toFixed(2)} m`}
+        shown={place === null ? `${(100 * slice).toFixed(0)} %` : `${point([place])} m`}
         onInput={(value) => change({ slice: value })}
         onReset={() => change({ slice: 0.5 })}
       />
@@ -139,7 +139,7 @@ export function LightSection() {
   const { light, bands, arrow } = view.value;
   return (
     <Section title="Light" aside={`${bands ** 2} of ${(snapshot.value?.frame?.bands ?? PAGE_BANDS) ** 2} coefficients`}>
-      <Choice label="From" value={light} options={SOURCES} onChange={chooseSource} />
+      <Choice label="Light from" value={light} options={SOURCES} onChange={chooseSource} />
       <GridPicker />
       <ModulationWords />
       {light !== "stream" && view.value.grid !== null && <GridControls />}
