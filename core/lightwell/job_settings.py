@@ -153,7 +153,7 @@ class PrtTransferSettings(Settings):
     directions: int = Field(1024, ge=16, le=65536, description="directions a vertex; visibility is asked for in each")
     sampling: Literal["hemisphere", "fibonacci", "stratified"] = Field(
         "hemisphere",
-        description="cosine-weighted about the normal (half the error), a spiral over the sphere, or the paper's"
+        description="cosine-weighted spiral about the normal (least error), spiral over the sphere, or the paper's"
         " jittered sphere",
     )
     turn: Literal["shared", "vertex"] = Field(

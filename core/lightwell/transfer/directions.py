@@ -43,7 +43,8 @@ def make_directions(sampling: Sampling, count: int, seed: int = 0) -> Directions
     ``fibonacci``
         A spiral of equal areas (Swinbank and Purser 2006), turned at random with the seed.
     ``hemisphere``
-        k × k jittered cells of equal cosine-weighted solid angle about the normal: ``r² = a``, ``φ = 2πb``.
+        A spiral of equal cosine-weighted solid angles about the normal, ``r² = (k + ½)/N`` (Malley's method on Vogel's
+        spiral), turned about the normal with the seed. Half the error of as many jittered ones.
 
     Raises
     ------
@@ -53,6 +54,11 @@ def make_directions(sampling: Sampling, count: int, seed: int = 0) -> Directions
     if count < 4:
         raise ValueError(f"{count} directions are too few; take at least 4")
     random = np.random.default_rng(seed)
+    if sampling == "hemisphere":
+        index = np.arange(count)
+        azimuth = GOLDEN_ANGLE * index + 2 * np.pi * random.random()
+        vectors = _on_sphere(np.sqrt(1 - (index + 0.5) / count), azimuth)
+        return Directions(vectors, (index & 1).astype(np.uint8), math.pi / count, True)
     if sampling == "fibonacci":
         return Directions(
             _turned(_spiral(count), random), (np.arange(count) & 1).astype(np.uint8), 4 * math.pi / count, False
@@ -61,9 +67,6 @@ def make_directions(sampling: Sampling, count: int, seed: int = 0) -> Directions
     if sampling == "stratified":
         vectors = _on_sphere(1 - 2 * across, 2 * np.pi * around)
         return Directions(vectors, half, 4 * math.pi / len(vectors), False)
-    if sampling == "hemisphere":
-        vectors = _on_sphere(np.sqrt(1 - across), 2 * np.pi * around)
-        return Directions(vectors, half, math.pi / len(vectors), True)
     raise ValueError(f"no sampling {sampling!r}; there are stratified, fibonacci and hemisphere")
 
 

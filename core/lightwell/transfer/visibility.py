@@ -190,8 +190,8 @@ def error_of_halves(halves: Float32s, bands: int) -> Float32s:
     """Return the estimated error of each vertex's transfer, ``(B,)``, relative to a vertex that sees all of its sky.
 
     The halves A and B of the directions are two estimates 2A and 2B of the transfer, whose mean is A + B; the standard
-    error of that mean is ``‖A − B‖`` over the coefficients. Each half is laid out coarser than the whole, so it is
-    rather too large. The reference is ``‖A_l Y_lm(n)‖ = √(Σ A_l² (2l + 1) / 4π)``, the same for every n.
+    error of that mean is ``‖A − B‖`` over the coefficients. The reference is that of a vertex that sees all,
+    ``‖A_l Y_lm(n)‖ = √(Σ A_l² (2l + 1) / 4π)``, the same for every n.
     """
     factors = lambert_zonal(bands)
     full = float(np.sqrt(np.sum(factors**2 * (2 * np.arange(bands) + 1)) / (4 * np.pi)))
