@@ -6,6 +6,7 @@ import { words } from "./api.ts";
 import { ended, kinds, loadKinds } from "./jobs/store.ts";
 import { baseName } from "./jobs/words.ts";
 import { listGrids, listJobs, listUploads, type GridSummary, type Job, type Upload } from "./rest.ts";
+import { change, view } from "./view.ts";
 
 const POLL_MS = 30_000;
 const TRANSFER = "prt-transfer";
@@ -29,6 +30,11 @@ export function startResults(): void {
   effect(() => {
     ended.value;
     poll();
+  });
+  effect(() => {
+    // A grid was asked for before there was one.
+    const first = grids.value?.[0];
+    if (view.value.light !== "stream" && view.value.grid === null && first !== undefined) change({ grid: first.id });
   });
 }
 

@@ -66,6 +66,7 @@ def test_a_stream_is_added_changed_and_removed(open_page: OpenPage, room: Publis
     form.get_by_label("Source").fill("synthetic:attic")
     form.get_by_role("button", name="Add", exact=True).click()
     expect(form.locator(".field.invalid")).to_contain_text("no scene 'attic'")
+    expect(form.get_by_label("Source")).to_be_focused()
     keep(page, "stream-refused")
     form.get_by_role("button", name="synthetic:room").click()
     expect(form.get_by_label("Source")).to_have_value("synthetic:room")

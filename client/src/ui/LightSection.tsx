@@ -1,3 +1,4 @@
+import { unfinished } from "../jobs/store.ts";
 import { point } from "../jobs/words.ts";
 import { grids } from "../results.ts";
 import { snapshot } from "../session.ts";
@@ -37,6 +38,16 @@ function GridPicker() {
   const { grid, light } = view.value;
   const list = grids.value ?? [];
   if (light === "stream") return null;
+  if (grid === null && list.length === 0 && unfinished.value.some(({ kind }) => kind === "ilf-grid")) {
+    return (
+      <p class="hint">
+        A grid is being made and will be shown when it is ready.{" "}
+        <button type="button" class="link" onClick={() => change({ tab: "jobs" })}>
+          See how far it is
+        </button>
+      </p>
+    );
+  }
   if (grid === null && list.length === 0) {
     return (
       <p class="hint">

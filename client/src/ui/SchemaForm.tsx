@@ -1,5 +1,7 @@
 // A form whose fields come from a JSON schema: those that matter most first, the rest behind "More".
 
+import { useEffect, useRef } from "preact/hooks";
+
 import type { FieldError } from "../api.ts";
 import { written, type Draft, type Field } from "../jobs/schema.ts";
 
@@ -29,6 +31,11 @@ function complaint(field: Field, errors: readonly FieldError[]): string {
 }
 
 export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {} }: Props) {
+  const root = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    // What is wrong may have been scrolled away.
+    if (errors.length > 0) root.current!.querySelector<HTMLElement>(".field.invalid :is(input, select)")?.focus();
+  }, [errors]);
   const rank = (field: Field) => (basic.includes(field.path) ? basic.indexOf(field.path) : field.required ? -1 : Infinity);
   const first = fields.filter((field) => rank(field) < Infinity).sort((a, b) => rank(a) - rank(b));
   const others = fields.filter((field) => rank(field) === Infinity);
@@ -44,7 +51,7 @@ export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {
     />
   );
   return (
-    <div class="form">
+    <div class="form" ref={root}>
       {first.map(show)}
       {others.length > 0 && (
         <details class="more" {...(wrongOthers ? { open: true } : {})}>
