@@ -98,6 +98,8 @@ export class Viewport {
   /** The user has dragged, and the motion has not come to rest. */
   private moved = false;
   private appliedCamera: View["camera"] = null;
+  /** Whether the home that was applied last is a grid's. */
+  private framesGrid = false;
   /** Light of the past that is shown instead of the newest. */
   private held: Light | null = null;
 
@@ -338,7 +340,10 @@ export class Viewport {
     }
     this.applyLight(value);
     // The camera's home depends on what there is to be framed.
-    if (value.camera !== this.appliedCamera) this.applyCamera(value.camera);
+    const framesGrid = value.light !== "stream";
+    const isAtHome = value.camera === null && framesGrid === this.framesGrid;
+    this.framesGrid = framesGrid;
+    if (value.camera !== this.appliedCamera || (value.camera === null && !isAtHome)) this.applyCamera(value.camera);
   }
 
   private applyCamera(camera: View["camera"]): void {
