@@ -142,6 +142,7 @@ def test_a_grid_from_a_capture_to_the_picture(
 ) -> None:
     page = open_page(f"#{BARE}&tab=captures", size=SIZE)
     register(page, "captures/rig")
+    start = see_until(page, lambda picture: bool(stage(picture).std() > 15))
     card = page.get_by_test_id("capture").filter(has_text="rig")
     expect(card).to_contain_text("40 probes")
     card.get_by_text("Look into it").click()
@@ -201,6 +202,9 @@ def test_a_grid_from_a_capture_to_the_picture(
     page.keyboard.press("Escape")
     grid.get_by_role("button", name="Back to the stream").click()
     page.wait_for_function("!location.hash.includes('light=')")
+    # The camera comes along: the objects are framed as at first.
+    home = see_until(page, lambda picture: bool(np.abs(stage(picture) - stage(start)).mean() < 2))
+    assert np.abs(stage(home) - stage(start)).mean() < 2
     # Chromium itself reports the answer that was an error.
     assert all("422" in line for line in console), console
     console.clear()

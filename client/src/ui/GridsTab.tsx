@@ -143,11 +143,11 @@ function GridCard({ grid }: { grid: GridSummary }) {
       </p>
       <div class="buttons">
         {isShown ? (
-          <button type="button" onClick={() => change({ light: "stream" })}>
+          <button type="button" onClick={() => change({ light: "stream", camera: null })}>
             Back to the stream
           </button>
         ) : (
-          <button type="button" class="primary" onClick={() => change({ grid: grid.id, light: "grid", at: null })}>
+          <button type="button" class="primary" onClick={() => change({ grid: grid.id, light: "grid", at: null, camera: null })}>
             Open
           </button>
         )}

@@ -92,7 +92,7 @@ export function JobCard({ job }: { job: Job }) {
             key={grid.id}
             type="button"
             class="primary"
-            onClick={() => change({ grid: grid.id, light: "grid", at: null, tab: "scene" })}
+            onClick={() => change({ grid: grid.id, light: "grid", at: null, camera: null, tab: "scene" })}
           >
             {grids.length === 1 ? "Open the grid" : `Open ${grid.path.slice(0, -GRID.length)}`}
           </button>

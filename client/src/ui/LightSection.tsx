@@ -28,10 +28,13 @@ const SAMPLINGS: { value: Sampling; label: string; hint: string }[] = [
   { value: "fragment", label: "Pixel", hint: "The field is looked up at each pixel: exact, and slow without a graphics card" },
 ];
 
-/** Choose a grid; the first one where none was chosen. */
-export function chooseSource(light: LightSource): void {
-  const grid = view.peek().grid ?? grids.peek()?.[0]?.id ?? null;
-  change(light === "stream" ? { light } : { light, grid });
+/** Choose where the light comes from; the first grid where none was chosen. */
+function chooseSource(light: LightSource): void {
+  const before = view.peek();
+  // A place from which one sees a grid is none from which one sees the object, and the other way round.
+  const camera = (before.light === "stream") === (light === "stream") ? before.camera : null;
+  const grid = light === "stream" ? before.grid : (before.grid ?? grids.peek()?.[0]?.id ?? null);
+  change({ light, camera, grid });
 }
 
 function GridPicker() {
