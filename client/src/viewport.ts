@@ -95,6 +95,8 @@ export class Viewport {
   private dragging = false;
   /** The first object, which the start waits for. */
   private firstObject: Promise<void> = Promise.resolve();
+  /** The drag that is on its way, or was last, is one of the object's handles. */
+  private handled = false;
   /** The user has dragged, and the motion has not come to rest. */
   private moved = false;
   private appliedCamera: View["camera"] = null;
@@ -121,22 +123,31 @@ export class Viewport {
     this.controls.dampingFactor = 0.12;
     this.controls.minDistance = 0.8;
     this.controls.maxDistance = 40;
-    this.controls.addEventListener("start", () => (this.dragging = true));
+    this.controls.addEventListener("start", () => {
+      this.dragging = true;
+      this.handled = false;
+    });
     this.controls.addEventListener("end", () => {
       this.dragging = false;
-      this.moved = true;
+      // Whoever has dragged the object has not turned the camera.
+      this.moved = !this.handled;
     });
 
     this.controls.addEventListener("change", () => this.surroundings.invalidate());
 
     this.surroundings = new Surroundings(this.camera, this.light);
     this.gizmo = new Gizmo(this.camera, canvas, {
-      drag: (active) => (this.controls.enabled = !active),
+      drag: (active) => {
+        this.controls.enabled = !active;
+        if (active) this.handled = true;
+      },
       move: (place) => this.moveTo(place),
       changed: () => (this.dirty = true),
     });
     this.scene.add(this.surroundings.mesh, this.arrow, this.volume.group, this.gizmo.group);
     canvas.addEventListener("webglcontextrestored", () => {
+      // A fence of the lost context would never be signalled.
+      this.fence = null;
       this.field?.forgetUpload();
       this.field?.upload(this.renderer);
       this.surroundings.invalidate();

@@ -1,8 +1,8 @@
 // What is seen of a grid: its box, the slice that is looked at, and on it sample spheres lit by the field.
 
 import {
+  BufferAttribute,
   BufferGeometry,
-  Float32BufferAttribute,
   Group,
   InstancedBufferGeometry,
   InstancedInterleavedBuffer,
@@ -84,8 +84,10 @@ export function samplePlaces({ lower, upper, resolution }: GridInfo, axis: Axis,
 
 export class Volume {
   readonly group = new Group();
-  private readonly box = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: 0x9aa3ad, transparent: true, opacity: 0.7 }));
-  private readonly frame = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: 0xe2a54a, transparent: true, opacity: 0.8 }));
+  private readonly box = lines(0x9aa3ad, 0.7);
+  private readonly frame = lines(0xe2a54a, 0.8);
+  /** Filled anew with each move: buffers that are replaced would fill the GPU's memory until they are collected. */
+  private readonly buffer = new InstancedInterleavedBuffer(new Float32Array(STRIDE * MOST_ALONG * MOST_ALONG), STRIDE);
   private readonly spheres: Mesh<InstancedBufferGeometry, ShaderMaterial>;
   private shown = "";
 
@@ -94,6 +96,9 @@ export class Volume {
     const geometry = new InstancedBufferGeometry();
     geometry.index = sphere.index;
     geometry.setAttribute("position", sphere.getAttribute("position"));
+    for (let lane = 0; lane < LANES; lane++) {
+      geometry.setAttribute(`lane${lane}`, new InterleavedBufferAttribute(this.buffer, 4, 4 * lane));
+    }
     const material = new ShaderMaterial({
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
@@ -113,11 +118,11 @@ export class Volume {
     if (key === this.shown) return;
     this.shown = key;
     const { lower, upper } = field.info;
-    this.box.geometry.setAttribute("position", new Float32BufferAttribute(edgesOf(lower, upper), 3));
+    setEdges(this.box, lower, upper);
     const k = AXES.indexOf(axis);
     const at = lower[k]! + slice * (upper[k]! - lower[k]!);
     const flat = (corner: Vector3) => corner.map((value, i) => (i === k ? at : value)) as unknown as Vector3;
-    this.frame.geometry.setAttribute("position", new Float32BufferAttribute(edgesOf(flat(lower), flat(upper)), 3));
+    setEdges(this.frame, flat(lower), flat(upper));
     if (probes) this.place(field, axis, slice, clear);
   }
 
@@ -135,18 +140,25 @@ export class Volume {
   private place(field: Field, axis: Axis, slice: number, clear: { middle: Vector3; radius: number } | null): void {
     const { places, radius } = samplePlaces(field.info, axis, slice);
     const seen = places.filter((place) => clear === null || distance(place, clear.middle) > clear.radius + radius);
-    const data = new Float32Array(STRIDE * seen.length);
+    const data = this.buffer.array as Float32Array;
     seen.forEach((place, i) => {
       data.set([...place, radius], STRIDE * i);
       data.set(withBands(field.sample(place), BANDS), STRIDE * i + 4);
     });
-    const { geometry } = this.spheres;
-    const buffer = new InstancedInterleavedBuffer(data, STRIDE);
-    for (let lane = 0; lane < LANES; lane++) {
-      geometry.setAttribute(`lane${lane}`, new InterleavedBufferAttribute(buffer, 4, 4 * lane));
-    }
-    geometry.instanceCount = seen.length;
+    this.buffer.needsUpdate = true;
+    this.spheres.geometry.instanceCount = seen.length;
   }
+}
+
+function lines(color: number, opacity: number): LineSegments {
+  const geometry = new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(3 * 24), 3));
+  return new LineSegments(geometry, new LineBasicMaterial({ color, transparent: true, opacity }));
+}
+
+function setEdges({ geometry }: LineSegments, lower: Vector3, upper: Vector3): void {
+  const position = geometry.getAttribute("position");
+  (position.array as Float32Array).set(edgesOf(lower, upper));
+  position.needsUpdate = true;
 }
 
 function distance(a: Vector3, b: Vector3): number {
