@@ -1,7 +1,10 @@
-import { describe, expect, it } from "vitest";
+import { describe, expect, it, vi } from "vitest";
 
 import { tileCount } from "./grid/layout.ts";
 import { MOST_ATTRIBUTES, MOST_TEXTURES, MOST_VARYINGS, litShader, type Variant } from "./shader.ts";
+
+// Thousands of shaders: a second here, more on a busy machine.
+vi.setConfig({ testTimeout: 60_000 });
 
 /** Attributes that three declares in every shader. */
 const BUILT_IN = 3;
