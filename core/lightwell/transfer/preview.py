@@ -14,8 +14,8 @@ from lightwell.transfer.surface import Surface
 WIDTH, HEIGHT = 480, 360
 SUPERSAMPLING = 2
 SUN = np.array([0.45, -0.6, 0.66])
-SUN_IRRADIANCE = np.array([2.6, 2.4, 2.0])
-SKY = np.array([0.28, 0.33, 0.42])
+SUN_IRRADIANCE = np.array([2.1, 1.95, 1.6])
+SKY = np.array([0.2, 0.24, 0.31])
 FIELD_OF_VIEW = 0.6
 """Radians across the height."""
 BACKGROUND = 0.92
