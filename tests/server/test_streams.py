@@ -295,6 +295,11 @@ def test_openapi_describes_every_route(api: httpx.Client) -> None:
         ("/api/v1/grids/{grid}/sample", "get"),
         ("/api/v1/grids/{grid}/preview", "get"),
         ("/api/v1/grids/{grid}/plot", "get"),
+        ("/api/v1/uploads", "get"),
+        ("/api/v1/uploads", "post"),
+        ("/api/v1/uploads/{upload}", "get"),
+        ("/api/v1/uploads/{upload}", "delete"),
+        ("/api/v1/uploads/{upload}/file", "get"),
     }
     bounds = document["components"]["schemas"]["StreamSettings"]["properties"]["bands"]
     assert (bounds["minimum"], bounds["maximum"]) == (1, 8)
