@@ -89,7 +89,7 @@ class IlfGridSettings(Settings):
     sample_format: Literal["half", "float"] = Field("half", description="type of the sorted samples")
     memory_mb: int = Field(1024, ge=64, description="memory that sorting and resampling may each use, megabytes")
     checkpoint_seconds: float = Field(
-        6.0, ge=0.05, le=3600, description="core time between checkpoints: what a kill can cost, seconds"
+        12.0, ge=0.05, le=3600, description="core time between checkpoints: what a kill can cost, seconds"
     )
     compare: bool = Field(True, description="simulated captures: report the error against the exact field")
 

@@ -34,7 +34,7 @@ from lightwell.job_settings import RepairKind
 
 Singles = NDArray[np.float32]
 
-BLOCK = 128
+BLOCK = 96
 """Directions that are added to all cells before the next: each block reads and writes all coefficients once."""
 BLOCK_VALUES = 1 << 25
 """Values in the planes of a block; 4 bytes each."""

@@ -43,6 +43,7 @@ FRAME_SECONDS = 2e-3
 SORT_BYTES = 3 * 3 * 4
 """Memory to sort one sample: three copies in floats."""
 MOST_BATCH = 512
+MOST_PART, LEAST_PART = 16384, 64
 LEAST_PROBE_SPREAD_M = 0.01
 
 
@@ -171,8 +172,10 @@ def make_plan(field: Field, processes: int) -> Plan:
         fitting = settings.memory_mb * MEGABYTE // (directions * SORT_BYTES)
         batches = _ranges(probes, max(1, min(MOST_BATCH, fitting)))
     cost = direction_seconds(settings, probes, field.specs)
-    parts = _ranges(directions, max(64, min(16384, round(settings.checkpoint_seconds / cost / 64) * 64)))
-    return Plan(batches, parts, processes, field.capture.digest)
+    # Parts of one size, as many in each checkpoint as there are processes: none waits for a larger one, or for none.
+    checkpoints = math.ceil(directions / max(1, processes * min(MOST_PART, settings.checkpoint_seconds / cost)))
+    size = max(LEAST_PART, math.ceil(directions / (checkpoints * processes)))
+    return Plan(batches, _ranges(directions, size), processes, field.capture.digest)
 
 
 def _ranges(count: int, size: int) -> list[Part]:
