@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -33,6 +34,9 @@ _SEND = """types => {
 
 def hold_over(page: Page, files: Mapping[str, bytes]) -> None:
     """Drag files over the page: scripts cannot drag real ones, these events are what a browser would send."""
+    # What is painted first takes no files yet: wait until the panel can be opened, and its effects have run.
+    page.get_by_role("button", name=re.compile("the panel$")).wait_for()
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     page.evaluate(_HOLD, {name: base64.b64encode(data).decode() for name, data in files.items()})
     page.evaluate(_SEND, ["dragenter", "dragover"])
 
