@@ -1,6 +1,8 @@
 // The little of Zarr v3 that a grid needs: one group, one array whose chunks are whole tiles. A library would bring codecs
 // that grids do not use.
 
+import { download } from "../download.ts";
+
 interface Codec {
   name: string;
   configuration?: { endian?: string };
@@ -22,22 +24,9 @@ export function below(folder: URL, path: string): URL {
   return url;
 }
 
-async function get(url: URL, signal: AbortSignal): Promise<Response> {
-  let response: Response;
-  try {
-    response = await fetch(url, { signal });
-  } catch (error) {
-    if (signal.aborted) throw error;
-    throw new Error("The server does not answer.");
-  }
-  if (response.ok) return response;
-  const problem = (await response.json().catch(() => ({}))) as { detail?: string };
-  throw new Error(problem.detail ?? `${url.pathname}: the server answered ${response.status}.`);
-}
-
 /** The attributes of a group. */
 export async function readAttributes(folder: URL, signal: AbortSignal): Promise<Record<string, unknown>> {
-  const document = (await (await get(below(folder, "zarr.json"), signal)).json()) as {
+  const document = (await (await download(below(folder, "zarr.json"), signal)).json()) as {
     attributes?: Record<string, unknown>;
   };
   return document.attributes ?? {};
@@ -53,7 +42,7 @@ export class TileArray {
   ) {}
 
   static async open(folder: URL, signal: AbortSignal): Promise<TileArray> {
-    const document = (await (await get(below(folder, "zarr.json"), signal)).json()) as ArrayDocument;
+    const document = (await (await download(below(folder, "zarr.json"), signal)).json()) as ArrayDocument;
     const { shape, data_type: type, chunk_grid: grid, chunk_key_encoding: keys, codecs } = document;
     const expected = [1, ...shape.slice(1)];
     if (type !== "float16" || JSON.stringify(grid.configuration.chunk_shape) !== JSON.stringify(expected)) {
@@ -70,7 +59,7 @@ export class TileArray {
   /** The halves of one tile, as bits. */
   async tile(index: number, signal: AbortSignal): Promise<Uint16Array> {
     const key = ["c", index, ...this.shape.slice(1).map(() => 0)].join(this.separator);
-    const response = await get(below(this.folder, key), signal);
+    const response = await download(below(this.folder, key), signal);
     const data = this.zipped
       ? await new Response(response.body!.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer()
       : await response.arrayBuffer();

@@ -4,6 +4,7 @@
 import { DataTexture, HalfFloatType, InterleavedBuffer, InterleavedBufferAttribute, Mesh, NearestFilter, RGBAFormat, type BufferGeometry } from "three";
 
 import { apiUrl } from "../api.ts";
+import { download } from "../download.ts";
 import { LitMaterial, type LightUniforms, type MeshTraits } from "../materials.ts";
 import { PAGE_BANDS } from "../sh.ts";
 import type { LitMesh } from "../stilllife.ts";
@@ -131,18 +132,5 @@ export function transferTable(values: Uint16Array, stride: number, count: number
 async function artifact(job: string, path: string, signal: AbortSignal): Promise<Response> {
   // An artefact is named by its job and its file, without the last ending.
   const name = `${job}.${path.replace(/\.[^.]*$/, "")}`;
-  return ask(apiUrl(document.baseURI, `artifacts/${encodeURIComponent(name)}`), signal);
-}
-
-async function ask(url: URL, signal: AbortSignal): Promise<Response> {
-  let response: Response;
-  try {
-    response = await fetch(url, { signal });
-  } catch (error) {
-    if (signal.aborted) throw error;
-    throw new Error("The server does not answer.");
-  }
-  if (response.ok) return response;
-  const problem = (await response.json().catch(() => ({}))) as { detail?: string };
-  throw new Error(problem.detail ?? `${url.pathname}: the server answered ${response.status}.`);
+  return download(apiUrl(document.baseURI, `artifacts/${encodeURIComponent(name)}`), signal);
 }
