@@ -18,7 +18,7 @@ from bench.report import Row, print_table
 
 def _names() -> list[str]:
     """Return the names of the benches: the modules here that are not part of the harness."""
-    harness = {"__main__", "report"}
+    harness = {"__main__", "jobs", "report"}
     return sorted(m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)]) if m.name not in harness)
 
 

@@ -6,15 +6,11 @@ The probes are as many as the paper's; their frames are smaller (64×64), so tha
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-import tempfile
-import time
 from pathlib import Path
 
+from bench.jobs import job_queue, wait_for
 from bench.report import Row, row
 from lightwell.io.simulate import RigSettings, simulate_capture
-from lightwell.job_settings import JobsSettings
 from lightwell.synthetic.scene import PRESETS
 from lightwell_workers.jobs.queue import Queue
 
@@ -26,32 +22,20 @@ SIZE = 64
 def run() -> list[Row]:
     """Return the errors, relative to the rms coefficient vector; baseline: without the viewpoint's correction."""
     rows: list[Row] = []
-    with tempfile.TemporaryDirectory() as folder:
-        data = Path(folder)
-        command = [sys.executable, "-m", "lightwell_server.cli", "work", "--data", folder, "--log-level", "error"]
-        with subprocess.Popen(command, stdin=subprocess.DEVNULL) as executor:
-            try:
-                queue = Queue(JobsSettings(), data)
-                for scene, probes in SCENES:
-                    capture = data / scene
-                    simulate_capture(capture, PRESETS[scene], RigSettings(probes=probes, size=SIZE))
-                    corrected, plain = (_errors(queue, capture, viewpoint) for viewpoint in ("correct", "ignore"))
-                    rows += [
-                        row(f"{scene}, {probes} probes, {cells}³", error, "", other)
-                        for cells, error, other in zip(CELLS, corrected, plain, strict=True)
-                    ]
-                queue.close()
-            finally:
-                executor.terminate()
+    with job_queue() as (queue, data, _):
+        for scene, probes in SCENES:
+            capture = data / scene
+            simulate_capture(capture, PRESETS[scene], RigSettings(probes=probes, size=SIZE))
+            corrected, plain = (_errors(queue, capture, viewpoint) for viewpoint in ("correct", "ignore"))
+            rows += [
+                row(f"{scene}, {probes} probes, {cells}³", error, "", other)
+                for cells, error, other in zip(CELLS, corrected, plain, strict=True)
+            ]
     return rows
 
 
 def _errors(queue: Queue, capture: Path, viewpoint: str) -> list[float]:
     settings = {"capture": str(capture), "resolutions": CELLS, "viewpoint": viewpoint}
     job = queue.submit("ilf-grid", settings)[0].id
-    while queue.get(job).state not in ("succeeded", "failed"):
-        time.sleep(0.2)
-    if (error := queue.get(job).error) is not None:
-        raise RuntimeError(error)
-    report = json.loads((queue.root / job / "artifacts" / "report.json").read_text())
+    report = json.loads((wait_for(queue, job) / "report.json").read_text())
     return [grid["error_relative"] for grid in report["grids"]]

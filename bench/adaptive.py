@@ -7,9 +7,7 @@ the exact field, relative to the rms coefficient vector; differences from the re
 
 from __future__ import annotations
 
-import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -17,6 +15,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from bench.jobs import job_queue, wait_for
 from bench.report import Row, row
 from lightwell.field.adapt import adapt, compare
 from lightwell.field.atlas import atlas_bytes
@@ -25,7 +24,6 @@ from lightwell.field.spec import Floats
 from lightwell.field.tiles import tile_count
 from lightwell.io.grids import open_grid
 from lightwell.io.simulate import RigSettings, simulate_capture
-from lightwell.job_settings import JobsSettings
 from lightwell.synthetic.scene import PRESETS
 from lightwell_workers.jobs.queue import Queue
 
@@ -40,29 +38,17 @@ TEXEL_BYTES = 8
 def run() -> list[Row]:
     """Return memory and errors; baseline: the regular grid's."""
     rows: list[Row] = []
-    with tempfile.TemporaryDirectory() as folder:
-        data = Path(folder)
-        command = [sys.executable, "-m", "lightwell_server.cli", "work", "--data", folder, "--log-level", "error"]
-        with subprocess.Popen(command, stdin=subprocess.DEVNULL) as executor:
-            try:
-                queue = Queue(JobsSettings(), data)
-                for scene, probes, cells in SCENES:
-                    capture = data / scene
-                    simulate_capture(capture, PRESETS[scene], RigSettings(probes=probes, size=SIZE), angular=True)
-                    rows += _measure(scene, _regular(queue, capture, cells))
-                queue.close()
-            finally:
-                executor.terminate()
+    with job_queue() as (queue, data, _):
+        for scene, probes, cells in SCENES:
+            capture = data / scene
+            simulate_capture(capture, PRESETS[scene], RigSettings(probes=probes, size=SIZE), angular=True)
+            rows += _measure(scene, _regular(queue, capture, cells))
     return rows
 
 
 def _regular(queue: Queue, capture: Path, cells: int) -> Grid:
     job = queue.submit("ilf-grid", {"capture": str(capture), "resolutions": cells, "compare": False})[0].id
-    while queue.get(job).state not in ("succeeded", "failed"):
-        time.sleep(0.2)
-    if (error := queue.get(job).error) is not None:
-        raise RuntimeError(error)
-    return open_grid(queue.root / job / "artifacts" / "grid.zarr").to_regular()
+    return open_grid(wait_for(queue, job) / "grid.zarr").to_regular()
 
 
 def _measure(scene: str, grid: Grid) -> list[Row]:

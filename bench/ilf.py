@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -23,9 +20,9 @@ import numpy as np
 import psutil
 from threadpoolctl import threadpool_limits
 
+from bench.jobs import job_queue, wait_for
 from bench.report import Row, row
 from lightwell.io.simulate import RigSettings, simulate_capture
-from lightwell.job_settings import JobsSettings
 from lightwell.synthetic.scene import PRESETS
 from lightwell_workers.jobs.queue import Queue
 
@@ -100,27 +97,20 @@ class _Watch(threading.Thread):
 def run() -> list[Row]:
     """Return the figures."""
     rows: list[Row] = []
-    with tempfile.TemporaryDirectory() as folder:
-        data = Path(folder)
-        command = [sys.executable, "-m", "lightwell_server.cli", "work", "--data", folder, "--log-level", "error"]
-        with subprocess.Popen(command, stdin=subprocess.DEVNULL) as executor:
-            try:
-                for scene, probes, cells, paper_sort, paper_resample in SCENES:
-                    rows += _measure(data, executor.pid, scene, probes, cells, paper_sort, paper_resample)
-            finally:
-                executor.terminate()
+    with job_queue() as (queue, data, executor):
+        for scene, probes, cells, paper_sort, paper_resample in SCENES:
+            rows += _measure(queue, data, executor, scene, probes, cells, paper_sort, paper_resample)
     return rows
 
 
 def _measure(
-    data: Path, pid: int, scene: str, probes: int, cells: int, paper_sort: float, paper_resample: float
+    queue: Queue, data: Path, pid: int, scene: str, probes: int, cells: int, paper_sort: float, paper_resample: float
 ) -> list[Row]:
     capture = data / "captures" / scene
     capture.parent.mkdir(exist_ok=True)
     started = time.perf_counter()
     simulate_capture(capture, PRESETS[scene], RigSettings(probes=probes, samples=1))
     simulated = time.perf_counter() - started
-    queue = Queue(JobsSettings(), data)
     settings = {"capture": str(capture), "resolutions": cells}
     job = queue.submit("ilf-grid", settings)[0].id
 
@@ -130,22 +120,17 @@ def _measure(
 
     watch = _Watch(pid, stage)
     watch.start()
-    while queue.get(job).state not in ("succeeded", "failed"):
-        time.sleep(0.2)
+    artifacts = wait_for(queue, job)
     watch.stop.set()
     watch.join()
-    done = queue.get(job)
-    if done.state == "failed":
-        raise RuntimeError(done.error)
     seconds = {"sort": 0.0, "resample": 0.0, "finish": 0.0}
     for _, event in queue.events(job):
         if event.get("message") == "step done":
             seconds[event["step"].split()[0]] += event["seconds"]
-    report = json.loads((data / "jobs" / job / "artifacts" / "report.json").read_text())
+    report = json.loads((artifacts / "report.json").read_text())
     bare = _bare_product(report["directions"], cells**3)
     core = watch.core_seconds
     queue.delete(job)
-    queue.close()
     for path in capture.rglob("*.exr"):
         path.unlink()
     name = f"{scene}, {probes} probes, {cells}³"

@@ -9,9 +9,7 @@ that other work on the machine hardly shows.
 
 from __future__ import annotations
 
-import subprocess
 import sys
-import tempfile
 import threading
 import time
 from pathlib import Path
@@ -24,15 +22,16 @@ from rich.console import Console
 from rich.table import Table
 
 import lightwell_workers
+from bench.jobs import job_queue, wait_for
 from bench.report import Row, row
 from lightwell.geometry.mesh import Mesh, make_mesh, vertex_normals
 from lightwell.geometry.rays import RayScene
+from lightwell.geometry.shapes import sphere
 from lightwell.io.glb import encode_glb
 from lightwell.io.meshes import load_meshes
-from lightwell.job_settings import JobsSettings, PrtTransferSettings
+from lightwell.job_settings import PrtTransferSettings
 from lightwell.transfer import kernels
 from lightwell.transfer.directions import make_directions
-from lightwell.transfer.ground import disc_triangles
 from lightwell.transfer.surface import make_surface
 from lightwell_workers.jobs.prt_plan import load_scene
 from lightwell_workers.jobs.queue import Queue
@@ -54,18 +53,10 @@ MEGABYTE = 1e6
 def run() -> list[Row]:
     """Return seconds, core seconds, memory and rays per core second of each scene."""
     rows: list[Row] = []
-    with tempfile.TemporaryDirectory() as folder:
-        data = Path(folder)
-        command = [sys.executable, "-m", "lightwell_server.cli", "work", "--data", folder, "--log-level", "error"]
-        with subprocess.Popen(command, stdin=subprocess.DEVNULL) as executor:
-            try:
-                queue = Queue(JobsSettings(), data)
-                _job(queue, data / "warm.glb", _bunny(20_000), 8, 16, 1024)
-                for name, vertices, rings, segments, minutes in SCENES:
-                    rows += _measure(queue, data, executor.pid, name, vertices, (rings, segments), minutes)
-                queue.close()
-            finally:
-                executor.terminate()
+    with job_queue() as (queue, data, executor):
+        _job(queue, data / "warm.glb", _bunny(20_000), 8, 16, 1024)
+        for name, vertices, rings, segments, minutes in SCENES:
+            rows += _measure(queue, data, executor, name, vertices, (rings, segments), minutes)
     return rows
 
 
@@ -95,11 +86,8 @@ def _job(queue: Queue, path: Path, mesh: Mesh, rings: int, segments: int, direct
     started = time.perf_counter()
     settings = _settings(path, rings, segments, directions).model_dump(mode="json")
     job = queue.submit("prt-transfer", settings)[0].id
-    while queue.get(job).state not in ("succeeded", "failed"):
-        time.sleep(0.05)
+    wait_for(queue, job, poll_seconds=0.05)
     seconds = time.perf_counter() - started
-    if (error := queue.get(job).error) is not None:
-        raise RuntimeError(error)
     events: list[dict[str, Any]] = [event for _, event in queue.events(job)]
     rays, tracing = (sum(event.get(name, 0) for event in events) for name in ("rays", "core_seconds"))
     return seconds, int(rays), float(tracing)
@@ -186,21 +174,7 @@ def _sphere(vertices: int) -> Mesh:
     body = vertices - 2
     segments = min((n for n in range(3, body) if body % n == 0), key=lambda n: abs(n - (2 * body) ** 0.5))
     rings = body // segments
-    theta = np.pi * np.arange(1, rings + 1) / (rings + 1)
-    phi = 2 * np.pi * np.arange(segments) / segments
-    ring = np.stack(
-        [
-            np.outer(np.sin(theta), np.cos(phi)),
-            np.outer(np.sin(theta), np.sin(phi)),
-            np.repeat(np.cos(theta)[:, None], segments, axis=1),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    points = np.concatenate([[[0.0, 0, 1]], ring, [[0.0, 0, -1]]])
-    here = np.arange(segments)
-    last = 1 + (rings - 1) * segments
-    cap = np.stack([np.full(segments, vertices - 1), last + (here + 1) % segments, last + here], axis=1)
-    return make_mesh("sphere", points, np.concatenate([disc_triangles(rings, segments), cap]), points)
+    return sphere(rings + 1, segments)
 
 
 def _bunny(vertices: int) -> Mesh:

@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from lightwell.geometry import shapes
 from lightwell.geometry.mesh import Mesh, make_mesh
 from lightwell.transfer.ground import disc_triangles
 
 
 def sphere(rings: int = 12, segments: int = 24, radius: float = 1.0, name: str = "sphere", albedo: float = 0.8) -> Mesh:
     """Return a sphere round the origin with exact normals: poles and rings."""
-    theta = np.pi * np.arange(1, rings) / rings
-    phi = 2 * np.pi * np.arange(segments) / segments
-    ring = np.stack(
-        [
-            np.outer(np.sin(theta), np.cos(phi)),
-            np.outer(np.sin(theta), np.sin(phi)),
-            np.repeat(np.cos(theta)[:, None], segments, axis=1),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    directions = np.concatenate([[[0.0, 0, 1]], ring, [[0.0, 0, -1]]])
-    body = disc_triangles(rings - 1, segments)
-    last, begin = len(directions) - 1, 1 + (rings - 2) * segments
-    here = np.arange(segments)
-    cap = np.stack([np.full(segments, last), begin + (here + 1) % segments, begin + here], axis=1)
-    return make_mesh(name, radius * directions, np.concatenate([body, cap]), directions, albedo)
+    unit = shapes.sphere(rings, segments)
+    return make_mesh(name, radius * unit.positions, unit.triangles, unit.normals, albedo)
 
 
 def bowl(rings: int, segments: int, albedo: float) -> Mesh:
