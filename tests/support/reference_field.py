@@ -36,11 +36,12 @@ def field_of(spec: GridSpec, points: Floats, direction: Floats, radiance: Floats
     """
     plane = make_plane(direction, spec.resolution)
     z, y, x = np.meshgrid(*(np.arange(size) + 0.5 for size in spec.shape), indexing="ij")
-    u, v = plane.project(np.stack([x, y, z], axis=-1))
+    axes = {0: (1, 2), 1: (0, 2), 2: (0, 1)}[plane.axis]
+    along = (x, y, z)[plane.axis] - plane.middle
+    u, v = ((x, y, z)[axis] - slope * along for axis, slope in zip(axes, plane.slope, strict=True))
     at_u, at_v = (u - plane.origin[0]) / SPACING, (v - plane.origin[1]) / SPACING
     low_u, low_v = np.floor(at_u), np.floor(at_v)
     out = np.zeros((*spec.shape, 3))
-    axes = {0: (1, 2), 1: (0, 2), 2: (0, 1)}[plane.axis]
     for dv in (0, 1):
         for du in (0, 1):
             weight = (at_u - low_u if du else 1 - at_u + low_u) * (at_v - low_v if dv else 1 - at_v + low_v)

@@ -81,13 +81,15 @@ class Grid:
         half_gradient = self.gradients is not None
         table = self.gradients if self.gradients is not None else np.zeros((1, 1, 1, 1, 1, 1), np.float32)
         values = np.empty((len(cells), count, 3))
-        slopes = np.zeros((len(cells), count, 3, 3))
+        slopes = np.zeros((len(cells) if gradients else 0, count, 3, 3))
         coverage = np.empty(len(cells))
         _sample(
             cells, self.spec.voxel, self.coefficients, self.coverage, table, half_gradient, values, slopes, coverage
         )
         if outside == "nan":
-            values[beyond], slopes[beyond], coverage[beyond] = np.nan, np.nan, np.nan
+            values[beyond], coverage[beyond] = np.nan, np.nan
+            if gradients:
+                slopes[beyond] = np.nan
         shape = np.shape(points)[:-1]
         return FieldSamples(
             values.reshape(*shape, count, 3),
@@ -105,6 +107,7 @@ def _sample(  # type: ignore[no-untyped-def]
     cells, voxel, coefficients, coverage, gradients, half_gradient, values, slopes, covered
 ):
     count = values.shape[1]
+    sloped = slopes.shape[0] > 0
     low = np.empty(3, np.int64)
     high = np.empty(3, np.int64)
     fraction = np.empty(3)
@@ -138,8 +141,9 @@ def _sample(  # type: ignore[no-untyped-def]
                         for axis in range(3):
                             slope = float(gradients[z, y, x, k, channel, axis])
                             value += 0.5 * slope * offset[axis]
-                            slopes[i, k, channel, axis] += weight * slope
-                    else:
+                            if sloped:
+                                slopes[i, k, channel, axis] += weight * slope
+                    elif sloped:
                         for axis in range(3):
                             # The derivative of the trilinear weight along this axis.
                             change = 1.0 / voxel[axis] * inside[axis]

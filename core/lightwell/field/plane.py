@@ -71,12 +71,6 @@ class Plane:
         """Values of the lattice, all channels."""
         return CHANNELS * self.nodes[0] * self.nodes[1]
 
-    def project(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return U and V ``(…)`` of points ``(…, 3)`` in cell units."""
-        u_axis, v_axis = AXES[self.axis]
-        along = points[..., self.axis] - self.middle
-        return points[..., u_axis] - self.slope[0] * along, points[..., v_axis] - self.slope[1] * along
-
 
 def layer_axes(directions: Floats) -> NDArray[np.intp]:
     """Return the axis that each direction ``(…, 3)`` follows most; the first one of those that tie to rounding."""
