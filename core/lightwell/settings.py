@@ -114,6 +114,9 @@ class StreamSettings(Settings):
     )
     gain: float = Field(1.0, gt=0, description="factor from sample to radiance")
     units: Units = Field("relative", description="unit of radiance after the gain")
+    position_m: Vector3 | None = Field(
+        None, description="where the probe stands, world metres; sources that know each frame's position say it instead"
+    )
     negatives: Literal["keep", "clamp"] = Field(
         "keep", description="samples below zero: kept (unbiased noise) or clamped to zero"
     )
