@@ -120,6 +120,12 @@ class ServerSources:
         with self._connect() as client:
             return client.latest(name).coefficients.astype(np.float64)
 
+    def position(self, name: str) -> tuple[float, float, float] | None:
+        """Return where a stream's probe stands, metres; None: nobody has said."""
+        with self._connect() as client:
+            found = client.stream(name).settings.get("position_m")
+        return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
+
     def grid(self, grid: str) -> AnyGrid:
         """Return a finished grid, read into memory."""
         from lightwell.io.grids import open_grid

@@ -24,6 +24,9 @@ MAX_EV = 64.0
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Metres = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
 Place = tuple[Metres, Metres, Metres]
+Name = Annotated[str, Field(min_length=1)]
+MOST_GROUPS = 4
+"""Grids that are light groups together: what the web page draws."""
 
 
 def linear_from_hex(colour: str) -> tuple[float, float, float]:
@@ -88,6 +91,11 @@ class PictureSettings(Settings):
         return self
 
 
+def _names(value: Any) -> Any:  # noqa: ANN401
+    """Take one name, or a list of them."""
+    return (value,) if isinstance(value, str) else value
+
+
 class SceneLightSettings(Settings):
     """Where the light comes from: a file or a stream; a grid; or a grid that follows one of the two (MATHS §11d)."""
 
@@ -95,14 +103,21 @@ class SceneLightSettings(Settings):
         None, description="picture (.exr, .hdr; lat-long), or JSON of `lightwell project --json`, `watch --json`"
     )
     stream: str | None = Field(None, min_length=1, description="name of a stream on the server: its newest frame")
-    grid: str | None = Field(None, min_length=1, description="folder of a grid (Zarr), or its id on the server")
+    grid: Annotated[tuple[Name, ...] | None, BeforeValidator(_names)] = Field(
+        None,
+        min_length=1,
+        max_length=MOST_GROUPS,
+        description="folder of a grid (Zarr), or its id on the server; or a list of those: light groups that add up",
+    )
     bands: int | None = Field(
         None, ge=1, le=MAX_BANDS, description="SH bands; default: 5 of a picture, else all that there are"
     )
     window: WindowSettings = WindowSettings()
     gain: float = Field(1.0, ge=0, le=1e12, description="factor")
     probe_at: Place | None = Field(
-        None, description="grid with file or stream: where that probe stands, metres; default: the grid's middle"
+        None,
+        description="grid with file or stream: where that probe stands, metres; default: where the stream says, else"
+        " the middle of the first grid",
     )
 
     @model_validator(mode="after")

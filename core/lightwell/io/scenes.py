@@ -27,7 +27,7 @@ from lightwell.probe.projection import projector
 from lightwell.probe.samples import repair
 from lightwell.render.backdrop import Backdrop, Harmonics, Panorama
 from lightwell.render.camera import Camera
-from lightwell.render.light import DistantLight, FieldLight, Light, modulate, with_bands
+from lightwell.render.light import DistantLight, FieldLight, Light, SummedLight, modulate, with_bands
 from lightwell.render.material import Material
 from lightwell.render.scene import Scene, SceneObject
 from lightwell.scene_settings import (
@@ -58,6 +58,10 @@ class Server(Protocol):
 
     def stream(self, name: str) -> Floats:
         """Return the newest coefficients of a stream, ``(bands², 3)``."""
+        ...
+
+    def position(self, name: str) -> tuple[float, float, float] | None:
+        """Return where a stream's probe stands, metres; None: nobody has said."""
         ...
 
     def grid(self, grid: str) -> AnyGrid:
@@ -214,12 +218,11 @@ class _Loader:
     def light(self, settings: SceneLightSettings) -> tuple[Light, NDArray[np.floating] | None]:
         """Return the light, and its picture where it is from one."""
         at = self.within("light")
-        field = None if settings.grid is None else at._field(settings)
+        fields = at._fields(settings)
         if settings.file is None and settings.stream is None:
-            assert field is not None
-            return field, None
+            return fields[0] if len(fields) == 1 else SummedLight(fields), None
         live, picture = at._probe(settings)
-        light = DistantLight(live) if field is None else modulate(field, live, settings.probe_at)
+        light = modulate(fields, live, at._place(settings)) if fields else DistantLight(live)
         return light, picture
 
     def backdrop(
@@ -291,15 +294,23 @@ class _Loader:
         windowed, _, _ = WindowStage(settings.window, bands_of_count(len(coefficients))).update(coefficients, 0)
         return windowed, None if picture is None else settings.gain * picture
 
-    def _field(self, settings: SceneLightSettings) -> FieldLight:
-        assert settings.grid is not None
-        path = self._path(Path(settings.grid))
-        if path.exists() or "/" in settings.grid or settings.grid.endswith(".zarr"):
+    def _fields(self, settings: SceneLightSettings) -> tuple[FieldLight, ...]:
+        return tuple(self._field(name, settings) for name in settings.grid or ())
+
+    def _field(self, name: str, settings: SceneLightSettings) -> FieldLight:
+        path = self._path(Path(name))
+        if path.exists() or "/" in name or name.endswith(".zarr"):
             grid = open_grid(path)
         else:
-            grid = self._require_server("grid").grid(settings.grid)
+            grid = self._require_server("grid").grid(name)
         bands = self._bands(settings, grid.bands)
         return FieldLight(grid, bands, _fixed(settings.window, bands), settings.gain)
+
+    def _place(self, settings: SceneLightSettings) -> tuple[float, float, float] | None:
+        """Return where the live probe stands, as far as anybody says."""
+        if settings.probe_at is not None or settings.stream is None:
+            return settings.probe_at
+        return self._require_server("stream").position(settings.stream)
 
     def _bands(self, settings: SceneLightSettings, there: int) -> int:
         if settings.bands is not None and settings.bands > there:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.conventions import bands_of_count, coefficient_count, degree_of_index
 from lightwell.field.adaptive import AnyGrid
+from lightwell.render.nonnegative import nonnegative_gains
+from lightwell.scene_settings import MOST_GROUPS
 from lightwell.sh.lobes import lambert_zonal
 from lightwell.sh.window import apply_window
 
@@ -85,18 +88,39 @@ class FieldLight:
 
 
 @dataclass(frozen=True, eq=False)
+class SummedLight:
+    """A static field in several parts that add up: one grid for each group of lamps, over the same space."""
+
+    fields: tuple[FieldLight, ...]
+
+    @property
+    def bands(self) -> int:
+        """SH bands."""
+        return max(field.bands for field in self.fields)
+
+    def at(self, points: Floats) -> Floats:
+        """Return ``(n, bands², 3)``."""
+        total = np.zeros((len(points), coefficient_count(self.bands), 3))
+        for field in self.fields:
+            total[:, : coefficient_count(field.bands)] += field.at(points)
+        return total
+
+
+@dataclass(frozen=True, eq=False)
 class ModulatedLight:
-    """A static field that follows a live probe: ``g c(x)`` and, as distant light, what no gain explains (MATHS §11d).
+    """A static field that follows a live probe: ``Σ g_k c_k(x)`` and, as distant light, the rest (MATHS §11d).
 
     `modulate` makes it.
     """
 
-    field: FieldLight
-    """With the gain g of each channel."""
+    fields: tuple[FieldLight, ...]
+    """Each with its gain g, one for each channel."""
     rest: Floats
-    """``(bands², 3)``: ``ℓ − g b``, zeros where it is negligible."""
+    """``(bands², 3)``: ``ℓ − Σ g_k c_k(x_0)``, zeros where it is negligible."""
+    method: Method
+    """Whether each field has a gain of its own."""
     residual: float
-    """Share of the live light, by irradiance, that the gain does not explain."""
+    """Share of the live light, by irradiance, that the gains do not explain."""
 
     @property
     def bands(self) -> int:
@@ -105,46 +129,80 @@ class ModulatedLight:
 
     def at(self, points: Floats) -> Floats:
         """Return ``(n, bands², 3)``."""
-        found = self.field.at(points)
+        found = SummedLight(self.fields).at(points)
         total: Floats = np.broadcast_to(self.rest, (len(points), *self.rest.shape)).copy()
         total[:, : found.shape[1]] += found
         return total
 
 
+Method = Literal["gain", "groups"]
+"""``gain``: method 2 of MATHS §11d, one gain for the whole field; ``groups``: method 4, one for each light group."""
+GROUPS_EXPLAIN = 0.05
+"""Light groups have gains of their own where these leave less than this of the live light; else something is new."""
 NEGLIGIBLE_REST = 0.01
 """Below this residual the rest is noise and calibration, and is left out: the web page's."""
 
 
-def modulate(field: FieldLight, live: Floats, place: tuple[float, float, float] | None = None) -> ModulatedLight:
-    """Return the field multiplied with a gain, and a rest, so that it is the live light where the probe stands.
+def modulate(
+    fields: FieldLight | Sequence[FieldLight], live: Floats, place: tuple[float, float, float] | None = None
+) -> ModulatedLight:
+    """Return the field multiplied with gains, and a rest, so that it is the live light where the probe stands.
 
-    Method 2 of MATHS §11d: ``g = ⟨ℓ, b⟩ / ⟨b, b⟩`` for each channel, weighted by A_l², not below 0; b is the field at
-    the probe's place.
+    Several fields are light groups (MATHS §11d, method 4): for each channel the gains g ≥ 0 are those with which
+    ``Σ g_k c_k(x_0)`` comes nearest to the live light ℓ, weighted by A_l². They tell lamps apart, but take new light
+    for a change of known lamps: where they leave a residual of `GROUPS_EXPLAIN`, and where there is a single field,
+    the sum b of the fields has one gain ``g = ⟨ℓ, b⟩ / ⟨b, b⟩``, not below 0 (method 2).
 
     Parameters
     ----------
-    field
-        The static field; its gain is multiplied with the new one.
+    fields
+        The static field, or the parts that add up to it; gains are multiplied with those that they have.
     live
         ``(bands², 3)`` of the probe, ℓ.
     place
-        Where the probe stands, metres; None: the middle of the grid.
+        Where the probe stands, metres; None: the middle of the first grid.
+
+    Raises
+    ------
+    ValueError
+        Where there is no field, or more than `MOST_GROUPS`.
     """
-    spec = field.grid.spec
+    parts = (fields,) if isinstance(fields, FieldLight) else tuple(fields)
+    if not 1 <= len(parts) <= MOST_GROUPS:
+        raise ValueError(f"{len(parts)} light groups: between 1 and {MOST_GROUPS} are needed")
+    spec = parts[0].grid.spec
     where = np.add(spec.lower, spec.upper) / 2 if place is None else np.array(place, dtype=np.float64)
-    base = field.at(where[None])[0]
-    bands = max(field.bands, bands_of_count(len(live)))
-    total, known = (np.zeros((bands * bands, 3)) for _ in range(2))
-    total[: len(live)], known[: len(base)] = live, base
-    weights = lambert_zonal(bands)[degree_of_index(bands), None] ** 2
-    square = (weights * known**2).sum(axis=0)
-    gain = np.maximum(np.divide((weights * total * known).sum(axis=0), square, out=np.zeros(3), where=square > 0), 0)
-    rest = total - gain * known
-    power = float((weights * total**2).sum())
-    residual = float(np.sqrt((weights * rest**2).sum() / power)) if power > 0 else 0.0
+    bands = max(bands_of_count(len(live)), SummedLight(parts).bands)
+    total, known = np.zeros((bands * bands, 3)), np.zeros((len(parts), bands * bands, 3))
+    total[: len(live)] = live
+    for part, values in zip(parts, known, strict=True):
+        base = part.at(where[None])[0]
+        values[: len(base)] = base
+    metric = lambert_zonal(bands)[degree_of_index(bands), None]
+    weighted, seen = metric * known, metric * total
+    power = float(np.linalg.norm(seen))
+
+    def unexplained(gains: Floats) -> tuple[Floats, float]:
+        rest = total - np.einsum("gc,gkc->kc", gains, known)
+        return rest, float(np.linalg.norm(metric * rest)) / power if power > 0 else 0.0
+
+    method: Method = "groups"
+    gains = np.stack([nonnegative_gains(weighted[..., c].T, seen[:, c]) for c in range(3)], axis=1)
+    rest, residual = unexplained(gains)
+    if len(parts) == 1 or residual >= GROUPS_EXPLAIN:
+        method = "gain"
+        gains = np.broadcast_to(_common_gain(seen, weighted.sum(axis=0)), (len(parts), 3))
+        rest, residual = unexplained(gains)
     if residual < NEGLIGIBLE_REST:
         rest = np.zeros_like(rest)
-    return ModulatedLight(replace(field, gain=field.gain * gain), rest, residual)
+    scaled = tuple(replace(part, gain=part.gain * gain) for part, gain in zip(parts, gains, strict=True))
+    return ModulatedLight(scaled, rest, method, residual)
+
+
+def _common_gain(live: Floats, field: Floats) -> Floats:
+    """Return ``⟨ℓ, b⟩ / ⟨b, b⟩`` of each channel, at least 0: ``(3,)``; 0 where the field is black."""
+    square = (field**2).sum(axis=0)
+    return np.asarray(np.maximum(np.divide((live * field).sum(axis=0), square, out=np.zeros(3), where=square > 0), 0))
 
 
 def with_bands(coefficients: Floats, bands: int) -> Floats:

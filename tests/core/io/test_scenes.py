@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -130,8 +131,29 @@ def test_a_grid_follows_a_probe(folder: Path) -> None:
     assert loaded.scene.backdrop is None
 
 
+def test_several_grids_are_light_groups(folder: Path) -> None:
+    one = field_grid()
+    other = replace(one, coefficients=one.coefficients[..., ::-1].copy())
+    write_grid(folder / "one.zarr", one)
+    write_grid(folder / "other.zarr", other)
+    points = np.array([[0.4, -0.5, 0.1], [0.0, 0.2, 0.3]])
+    groups = {"grid": ["one.zarr", "other.zarr"]}
+    values = [np.asarray(grid.sample(points).coefficients) for grid in (one, other)]
+    np.testing.assert_allclose(load(folder, light=groups).scene.light.at(points), values[0] + values[1], rtol=1e-6)
+    # One lamp is dimmed, the other is off.
+    document = {"bands": 2, "convention": "lightwell", "coefficients": (0.4 * values[1][0]).tolist()}
+    (folder / "now.json").write_text(json.dumps(document))
+    followed = groups | {"file": "now.json", "probe_at": points[0].tolist()}
+    light = load(folder, light=followed).scene.light
+    assert isinstance(light, ModulatedLight)
+    assert light.method == "groups"
+    np.testing.assert_allclose(light.at(points), 0.4 * values[1], atol=1e-6)
+
+
 class FakeServer:
     """A server with one stream, one grid and one transfer."""
+
+    place: tuple[float, float, float] | None = None
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -139,6 +161,10 @@ class FakeServer:
     def stream(self, name: str) -> np.ndarray:
         assert name == "hall"
         return coefficients(4)
+
+    def position(self, name: str) -> tuple[float, float, float] | None:
+        assert name == "hall"
+        return self.place
 
     def grid(self, grid: str) -> AnyGrid:
         assert grid == "job.grid"
@@ -171,6 +197,17 @@ def test_what_comes_from_a_server(folder: Path) -> None:
     assert load(folder, server, light={"stream": "hall", "bands": 3}).scene.light.bands == 3
     assert isinstance(load(folder, server, light={"grid": "job.grid"}).scene.light, FieldLight)
     assert len(load(folder, server, objects=[{"transfer": "abc"}]).scene.objects) == 2
+    # The live light is exact where the probe stands: as the file says, else as the stream says, else in the middle.
+    live: dict[str, Any] = {"grid": "job.grid", "stream": "hall"}
+    for stands, light in (
+        ((0.0, 0.0, 0.0), live),
+        ((0.3, 0.2, -0.1), live),
+        ((0.1, 0.1, 0.1), live | {"probe_at": [0.1, 0.1, 0.1]}),
+    ):
+        server.place = (0.3, 0.2, -0.1) if stands != (0.0, 0.0, 0.0) else None
+        found = load(folder, server, light=light).scene.light.at(np.array([stands, (0.9, 0.9, 0.9)]))
+        np.testing.assert_allclose(found[0], coefficients(4), atol=1e-12)
+        assert np.abs(found[1] - coefficients(4)).max() > 1e-3
     without: dict[str, dict[str, Any]] = {
         "light.stream": {"light": {"stream": "hall"}},
         "light.grid": {"light": {"grid": "job.grid"}},
@@ -268,6 +305,9 @@ def test_other_light_takes_the_place_of_the_files(folder: Path) -> None:
         ({"objects": [{"shape": "box", "position": [1e300, 0, 0]}]}, r"position\[0\] = 1e\+300: .*less"),
         ({"objects": [{"shape": "box", "scale": 1e-9}]}, "scale = 1e-09"),
         ({"light": {"stream": ""}}, "light.stream = ''"),
+        ({"light": {"grid": ["a"] * 5}}, "light.grid = .*at most 4 values"),
+        ({"light": {"grid": []}}, "light.grid = .*at least 1 item"),
+        ({"light": {"grid": ["a", ""]}}, r"light.grid\[1\] = ''"),
     ],
 )
 def test_mistakes_name_the_file_and_the_field(changes: dict[str, Any], message: str) -> None:

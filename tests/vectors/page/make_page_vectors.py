@@ -54,7 +54,7 @@ def grid_vectors(bands: int, resolution: tuple[int, int, int], scale: float) -> 
         "points": points,
         "samples": grid.sample(points).coefficients.tolist(),
         "live": live.tolist(),
-        "gain": np.broadcast_to(changed.field.gain, 3).tolist(),
+        "gain": np.broadcast_to(changed.fields[0].gain, 3).tolist(),
         "residual": changed.residual,
         "rest": changed.rest.tolist(),
     }
@@ -75,6 +75,43 @@ def lobe_vectors() -> list[dict[str, Any]]:
             kept = basis[:, order * order + order] @ (zonal * np.sqrt((2 * order + 1) / (4 * np.pi)))
             error = np.sqrt(np.trapezoid((lobe - kept) ** 2, u) / np.trapezoid(lobe**2, u))
             rows.append({"exponent": exponent, "bands": bands, "factors": zonal.tolist(), "error": float(error)})
+    return rows
+
+
+def group_vectors() -> list[dict[str, Any]]:
+    """Gains of light groups: known lamps that were dimmed, twins, one that is off, and light that is none of them."""
+    rng = np.random.default_rng(9)
+    spec = GridSpec((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (1, 1, 1))
+    lamps = rng.normal(size=(4, 25, 3)) + evaluate(np.eye(3)[[0, 1, 2, 0]] * [[1], [1], [1], [-1]], 5)[..., None]
+    lamps = lamps.astype(np.float32).astype(np.float64)
+    dimmed = np.array([[0.5, 0.4, 0.3], [2.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 0.2, 3.0]])
+    cases = {
+        "as captured": (lamps, lamps.sum(axis=0)),
+        "dimmed": (lamps, np.einsum("gc,gkc->kc", dimmed, lamps)),
+        "nearly": (lamps[:3], np.einsum("gc,gkc->kc", dimmed[:3], lamps[:3]) + 0.02 * rng.normal(size=(25, 3))),
+        "twins": (lamps[[0, 0, 1]], 2 * lamps[0] + 0.5 * lamps[1]),
+        "negative": (lamps[:2], lamps[0] - 0.001 * lamps[1]),
+        "unknown": (lamps[:2], lamps[0] + lamps[2]),
+        "dark": (lamps[:2], np.zeros((25, 3))),
+    }
+    rows = []
+    for name, (groups, live) in cases.items():
+        grids = [
+            Grid(spec, group[None, None, None].astype(np.float32), np.ones(spec.shape, np.float32)) for group in groups
+        ]
+        single = live.astype(np.float32).astype(np.float64)
+        changed = modulate([FieldLight(grid) for grid in grids], single)
+        rows.append(
+            {
+                "name": name,
+                "groups": groups.reshape(len(groups), -1).tolist(),
+                "live": single.ravel().tolist(),
+                "gains": [np.asarray(field.gain).tolist() for field in changed.fields],
+                "method": changed.method,
+                "residual": changed.residual,
+                "rest": changed.rest.ravel().tolist(),
+            }
+        )
     return rows
 
 
@@ -110,6 +147,7 @@ def make() -> dict[str, Any]:
             grid_vectors(4, (2, 2, 2), 1.0),
             grid_vectors(1, (1, 1, 1), 1.0),
         ],
+        "groups": group_vectors(),
         "lobes": lobe_vectors(),
         "shading": shading_vectors(),
     }
