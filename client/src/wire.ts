@@ -20,6 +20,8 @@ export interface StreamInfo {
   state: "ended" | "failed" | "running" | "stalled" | "starting" | "stopped";
   convention: Convention;
   backdrop: boolean;
+  /** Whether its frames have gradients for who asks for them. */
+  gradients: boolean;
 }
 
 /** The window that has been applied to the coefficients (MATHS §4): `c'_lm = weights[l] c_lm`. */
@@ -77,8 +79,12 @@ export interface Frame {
   convention: Convention;
   units: "W.sr-1.m-2" | "relative";
   window: WindowUsed;
-  /** Little-endian float32, `(bands², 3, 3)`: coefficient, channel, ∂/∂(x, y, z) per metre. */
+  /** Where the probe stood, metres, in the frame's convention axes; nil where that is not known. */
+  position: [number, number, number] | null;
+  /** Little-endian float32, `(bands², 3, 3)`: coefficient, channel, ∂/∂(x, y, z) per metre; only where asked for. */
   gradients: Uint8Array | null;
+  /** How far from the probe coefficients and gradients together are within about ten per cent, metres (MATHS §7.4). */
+  trust_radius_m: number | null;
   dominant: DominantLight | null;
   quality: Quality;
   /** What the source calls this frame: a file name, a frame number. */
@@ -166,6 +172,35 @@ export interface Refused {
   reason: string;
 }
 
+/** One stream of a field. */
+export interface FieldMember {
+  stream: string;
+  /** The stream's state; `unknown` where there is no stream of that name now. */
+  state: "ended" | "failed" | "running" | "stalled" | "starting" | "stopped" | "unknown";
+  /** Why its light is not in the field now, and the remedy; empty where it is. */
+  problem: string;
+}
+
+/** First message of a field's socket. */
+export interface FieldHello {
+  type: "field_hello";
+  protocol: string;
+  server_version: string;
+  server_session: string;
+  server_time_ns: number;
+  heartbeat_seconds: number;
+  field: string;
+  convention: Convention;
+  members: FieldMember[];
+}
+
+/** Which members of a field give light, whenever that changes; the others are to be left out. */
+export interface FieldStatus {
+  type: "field_status";
+  field: string;
+  members: FieldMember[];
+}
+
 /**
  * Change a subscription; what is left out stays as it is.
  *
@@ -177,7 +212,11 @@ export interface Subscribe {
   max_fps?: number | null;
   convention?: Convention | null;
   backdrop?: boolean | null;
+  gradients?: boolean | null;
 }
 
 /** What a subscriber may receive. */
 export type LiveMessage = Hello | Frame | Missed | Backdrop | Heartbeat | StreamStatus | Refused;
+
+/** What a field's socket may receive. */
+export type FieldMessage = FieldHello | Frame | Missed | FieldStatus | Heartbeat | Refused;

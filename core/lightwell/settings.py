@@ -6,15 +6,17 @@ in ``--help``, in OpenAPI and in ``lightwell.toml``.
 
 from __future__ import annotations
 
+import math
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
-from pydantic_core import ErrorDetails
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from lightwell.conventions import DEFAULT_BANDS, DEFAULT_FORWARD, DEFAULT_UP, MAX_STREAM_BANDS, Units
 
 MappingName = Literal["latlong", "mirror-sphere", "mirror-ball", "angular", "fisheye", "octahedral", "cube"]
+ProxyKind = Literal["none", "sphere", "box", "mesh", "depth"]
 WindowKind = Literal["none", "hann", "lanczos", "nonneg", "auto"]
 FilterKind = Literal["none", "alpha", "tau", "one-euro", "kalman"]
 ProjectionWeights = Literal["solid-angle", "paper", "fejer"]
@@ -86,6 +88,52 @@ class FilterSettings(Settings):
     max_gap_seconds: float = Field(1.0, gt=0, description="start anew after a gap longer than this, seconds")
 
 
+class GradientsSettings(Settings):
+    """How far the light's surroundings are, for the change of the light with the probe's place (MATHS §7)."""
+
+    proxy: ProxyKind = Field(
+        "none", description="what stands for the surroundings: sphere, box, mesh or depth; none: no gradients"
+    )
+    radius_m: float | None = Field(None, gt=0, description="sphere: its radius, metres")
+    centre_m: Vector3 | None = Field(
+        None, description="sphere: its centre, world metres; default: it goes with the probe"
+    )
+    box_lower_m: Vector3 | None = Field(None, description="box: its corner with the smallest x, y, z, world metres")
+    box_upper_m: Vector3 | None = Field(None, description="box: its corner with the largest x, y, z, world metres")
+    mesh: str | None = Field(
+        None, description="mesh: file of the room in world metres (.glb, .gltf, .ply, .obj), or the id of an upload"
+    )
+    mesh_up: Literal["y", "z"] = Field("y", description="mesh: which of the file's axes points up")
+    depth: str | None = Field(
+        None,
+        description="depth: EXR file of the size of the frames, metres along each pixel's ray; {stem} stands for the "
+        "frame's name without suffix",
+    )
+
+    @model_validator(mode="after")
+    def _is_complete(self) -> Self:
+        needed = {
+            "sphere": ("radius_m",),
+            "box": ("box_lower_m", "box_upper_m"),
+            "mesh": ("mesh",),
+            "depth": ("depth",),
+        }.get(self.proxy, ())
+        missing = [name for name in needed if getattr(self, name) in (None, "")]
+        if missing:
+            raise _gradients_error(f"proxy = '{self.proxy}' needs {' and '.join(missing)}")
+        if self.proxy == "box" and self.box_lower_m is not None and self.box_upper_m is not None:
+            for axis, low, high in zip("xyz", self.box_lower_m, self.box_upper_m, strict=True):
+                if low >= high:
+                    raise _gradients_error(
+                        f"box_lower_m has {axis} = {low:g}, which must be below box_upper_m's {high:g}"
+                    )
+        return self
+
+
+def _gradients_error(message: str) -> PydanticCustomError:
+    return PydanticCustomError("gradients", "{message}", {"message": message})
+
+
 class BackdropSettings(Settings):
     """Picture of the surroundings that goes beside the coefficients (WEB.md §5)."""
 
@@ -122,8 +170,30 @@ class StreamSettings(Settings):
     )
     window: WindowSettings = WindowSettings()
     filter: FilterSettings = FilterSettings()
+    gradients: GradientsSettings = GradientsSettings()
     backdrop: BackdropSettings = BackdropSettings()
     enabled: bool = Field(True, description="run this stream's ingest worker beside the server")
+
+    @field_validator("gradients")
+    @classmethod
+    def _surrounds_the_probe(cls, gradients: GradientsSettings, info: ValidationInfo) -> GradientsSettings:
+        place: Vector3 | None = info.data.get("position_m")
+        if place is not None and (reason := outside_proxy(gradients, place)):
+            raise _gradients_error(reason)
+        return gradients
+
+
+def outside_proxy(gradients: GradientsSettings, place: Vector3) -> str:
+    """Return why a probe at ``place`` (world metres) is not inside the sphere or the box; empty where it is."""
+    if gradients.proxy == "box" and gradients.box_lower_m is not None and gradients.box_upper_m is not None:
+        for axis, low, at, high in zip("xyz", gradients.box_lower_m, place, gradients.box_upper_m, strict=True):
+            if not low < at < high:
+                return f"the box spans {axis} = {low:g} … {high:g}, but the probe stands at {axis} = {at:g}"
+    if gradients.proxy == "sphere" and gradients.centre_m is not None and gradients.radius_m is not None:
+        distance = math.dist(gradients.centre_m, place)
+        if distance >= gradients.radius_m:
+            return f"the sphere has a radius of {gradients.radius_m:g} m; the probe stands {distance:.3g} m from its centre"
+    return ""
 
 
 def complaint(item: ErrorDetails) -> str:
@@ -146,6 +216,8 @@ def complaint(item: ErrorDetails) -> str:
             message = "must be an object, a table of keys and values"
         case "tuple_type" | "list_type":
             message = "must be a list"
+        case "gradients":
+            return message
         case "too_long":
             message = f"must have at most {item['ctx']['max_length']} values"
     if any("token" in str(part) for part in item["loc"]):

@@ -6,14 +6,25 @@ browser's types are generated from this module by ``lightwell_server.typescript`
 Subscribe, ``WS /api/v1/streams/{name}/live``::
 
     client                          server
-      (query: bands, max_fps, convention, backdrop)
+      (query: bands, max_fps, convention, backdrop, gradients)
                               <-    Hello            description, and the newest frame when there is one
                               <-    Frame            coefficients: state, the newest wins
                               <-    Missed           how many frames this subscriber did not get
                               <-    Backdrop         a picture of the surroundings, at its own rate, the newest wins
                               <-    Heartbeat        when nothing else was sent for a while
                               <-    StreamStatus     the source's state and counters
-      Subscribe               ->                     change bands, rate, convention or backdrop without reconnecting
+      Subscribe               ->                     change any of these without reconnecting
+
+A field, ``WS /api/v1/fields/{name}/live``, is several streams whose probes stand at known places; the frames of all of
+them come through one socket, and ``Frame.stream`` tells which is whose::
+
+    client                          server
+      (query: bands, max_fps, convention)
+                              <-    FieldHello       the member streams, and which of them give light
+                              <-    Frame            of any member, always with what gradients there are
+                              <-    Missed           as above, for one member
+                              <-    FieldStatus      a member came, went, or gives light again
+                              <-    Heartbeat
 
 Publish, ``WS /api/v1/streams/{name}/publish``::
 
@@ -116,8 +127,12 @@ class Frame(Message, tag="frame", kw_only=True):
     convention: Convention = "lightwell"
     units: Units = "relative"
     window: WindowUsed
+    position: Vector3 | None = None
+    """Where the probe stood, metres, in the frame's convention axes; nil where that is not known."""
     gradients: bytes | None = None
-    """Little-endian float32, ``(bands², 3, 3)``: coefficient, channel, ∂/∂(x, y, z) per metre."""
+    """Little-endian float32, ``(bands², 3, 3)``: coefficient, channel, ∂/∂(x, y, z) per metre; only where asked for."""
+    trust_radius_m: float | None = None
+    """How far from the probe coefficients and gradients together are within about ten per cent, metres (MATHS §7.4)."""
     dominant: DominantLight | None = None
     quality: Quality
     source_frame: str = ""
@@ -181,6 +196,8 @@ class StreamInfo(msgspec.Struct, kw_only=True):
     state: StreamState
     convention: Convention = "lightwell"
     backdrop: bool = False
+    gradients: bool = False
+    """Whether its frames have gradients for who asks for them."""
 
 
 class Hello(Message, tag="hello", kw_only=True):
@@ -221,6 +238,37 @@ class Subscribe(Message, tag="subscribe", kw_only=True):
     max_fps: float | None = None
     convention: Convention | None = None
     backdrop: bool | None = None
+    gradients: bool | None = None
+
+
+class FieldMember(msgspec.Struct, kw_only=True):
+    """One stream of a field."""
+
+    stream: str
+    state: StreamState | Literal["unknown"]
+    """The stream's state; ``unknown`` where there is no stream of that name now."""
+    problem: str = ""
+    """Why its light is not in the field now, and the remedy; empty where it is."""
+
+
+class FieldHello(Message, tag="field_hello", kw_only=True):
+    """First message of a field's socket."""
+
+    protocol: str
+    server_version: str
+    server_session: str
+    server_time_ns: Nanoseconds
+    heartbeat_seconds: float
+    field: str
+    convention: Convention = "lightwell"
+    members: list[FieldMember]
+
+
+class FieldStatus(Message, tag="field_status", kw_only=True):
+    """Which members of a field give light, whenever that changes; the others are to be left out."""
+
+    field: str
+    members: list[FieldMember]
 
 
 class Announce(Message, tag="announce", kw_only=True):
@@ -257,6 +305,9 @@ class Refused(Message, tag="refused", kw_only=True):
 LiveMessage = Hello | Frame | Missed | Backdrop | Heartbeat | StreamStatus | Refused
 """What a subscriber may receive."""
 
+FieldMessage = FieldHello | Frame | Missed | FieldStatus | Heartbeat | Refused
+"""What a field's socket may receive."""
+
 WorkerMessage = Announce | Frame | Backdrop | StreamStatus
 """What the server may receive on the publish socket."""
 
@@ -265,6 +316,7 @@ PublishReply = Welcome | Configure | Refused
 
 _encoder = msgspec.msgpack.Encoder()
 _live_decoder: msgspec.msgpack.Decoder[LiveMessage] = msgspec.msgpack.Decoder(LiveMessage)
+_field_decoder: msgspec.msgpack.Decoder[FieldMessage] = msgspec.msgpack.Decoder(FieldMessage)
 _worker_decoder: msgspec.msgpack.Decoder[WorkerMessage] = msgspec.msgpack.Decoder(WorkerMessage)
 _publish_reply_decoder: msgspec.msgpack.Decoder[PublishReply] = msgspec.msgpack.Decoder(PublishReply)
 _subscribe_decoder = msgspec.msgpack.Decoder(Subscribe)
@@ -278,6 +330,11 @@ def encode(message: Message) -> bytes:
 def decode_live(data: bytes) -> LiveMessage:
     """Decode what a subscriber received; raises ``msgspec.ValidationError`` or ``DecodeError`` on anything else."""
     return _live_decoder.decode(data)
+
+
+def decode_field(data: bytes) -> FieldMessage:
+    """Decode what came on a field's socket; raises as `decode_live`."""
+    return _field_decoder.decode(data)
 
 
 def decode_worker(data: bytes) -> WorkerMessage:

@@ -27,7 +27,13 @@ HEADER = "// Generated from core/lightwell/wire.py by `python -m lightwell_serve
 CONSTANTS = ("SUBPROTOCOL", "HEARTBEAT_SECONDS")
 CONSTANT_PREFIX = "CLOSE_"
 
-RECEIVED: tuple[type[msgspec.Struct], ...] = get_args(wire.LiveMessage)
+UNIONS = {
+    "LiveMessage": ("What a subscriber may receive.", get_args(wire.LiveMessage)),
+    "FieldMessage": ("What a field's socket may receive.", get_args(wire.FieldMessage)),
+}
+RECEIVED: tuple[type[msgspec.Struct], ...] = tuple(
+    dict.fromkeys(struct for _, structs in UNIONS.values() for struct in structs)
+)
 SENT: tuple[type[msgspec.Struct], ...] = (wire.Subscribe,)
 
 
@@ -74,8 +80,9 @@ def _interfaces() -> Iterator[str]:
 
 
 def _unions() -> Iterator[str]:
-    yield "/** What a subscriber may receive. */"
-    yield f"export type LiveMessage = {' | '.join(struct.__name__ for struct in RECEIVED)};\n"
+    for name, (comment, structs) in UNIONS.items():
+        yield _comment(comment, "")
+        yield f"export type {name} = {' | '.join(struct.__name__ for struct in structs)};\n"
 
 
 def _reachable(roots: Iterable[type[msgspec.Struct]]) -> list[type[msgspec.Struct]]:

@@ -141,6 +141,14 @@ def rotate(coefficients: ArrayLike, rotation: ArrayLike) -> NDArray[np.float64]:
     return rotated
 
 
+def rotate_gradients(gradients: ArrayLike, rotation: ArrayLike) -> NDArray[np.float64]:
+    """Return derivatives ``(bands², ..., 3)`` along x, y, z of the function rotated by ``rotation``, space with it.
+
+    The coefficients are turned, and the axes along which they change: ``G'_k = Σ_j R_kj M G_j``. Raises as `rotate`.
+    """
+    return np.asarray(rotate(gradients, rotation) @ np.asarray(rotation, dtype=np.float64).T)
+
+
 def _proper_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
     """Return the rotation as a contiguous float64 array, or raise ``ValueError`` that says why it is none."""
     matrix: NDArray[Any] = np.ascontiguousarray(rotation, dtype=np.float64)

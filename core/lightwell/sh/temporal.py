@@ -10,11 +10,18 @@ what a diffuse surface would show of them.
 A filter starts anew, and says so in ``cut``, at its first frame, when time runs backwards, after a gap longer than
 ``max_gap_seconds``, when the number of bands changes, and, if ``cut_threshold`` is set, when a frame differs from the
 output by more than that share of the output.
+
+A moving probe: where the gradients of the frames are known, what is held of older frames is first moved to where the
+newest frame was taken, ``y ← y + G Δp`` with the mean of the gradients at both ends, and only then blended. So the
+light does not lag behind the probe (MATHS §5), and a probe that moves through standing light is no change of the
+light: neither a cut nor a reason to raise the gain. The gradients themselves are blended with the same gain, so that
+they remain the derivatives of what is put out.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -23,11 +30,23 @@ from numpy.typing import ArrayLike, NDArray
 from lightwell.conventions import bands_of_count, degree_of_index
 from lightwell.settings import FilterSettings
 from lightwell.sh.lobes import lambert_zonal
-from lightwell.sh.rotation import rotate
+from lightwell.sh.rotation import rotate, rotate_gradients
 
 _ONE_EURO_SPEED_CUTOFF_HZ = 1.0
 _KALMAN_GATE = 9.0
 """Innovations beyond three standard deviations (nine variances) are taken for changes of the light."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """What one frame says of the light round the probe."""
+
+    gradients: NDArray[np.float64] | None = None
+    """``(bands², 3, 3)``: coefficient, channel, ∂/∂(x, y, z) per metre, in the axes of the coefficients."""
+    position_m: NDArray[np.float64] | None = None
+    """``(3,)`` world metres."""
+    reach_m: float = math.inf
+    """How far the gradients hold: a probe that moved further since the frame before starts the filter anew."""
 
 
 class TemporalFilter(Protocol):
@@ -35,9 +54,15 @@ class TemporalFilter(Protocol):
 
     cut: bool
     """True where the last update started anew."""
+    gradients: NDArray[np.float64] | None
+    """Filtered like the coefficients, in world axes, ``(bands², 3, 3)``; None where the last frame brought none."""
 
     def update(
-        self, coefficients: ArrayLike, time_ns: int, world_from_local: ArrayLike | None = None
+        self,
+        coefficients: ArrayLike,
+        time_ns: int,
+        world_from_local: ArrayLike | None = None,
+        place: Place | None = None,
     ) -> NDArray[np.float64]:
         """Take one frame and return the filtered coefficients in world axes.
 
@@ -49,6 +74,8 @@ class TemporalFilter(Protocol):
             Capture time, nanoseconds since the Unix epoch.
         world_from_local
             ``(3, 3)`` rotation of a moving camera; the frame is rotated into world axes before it is filtered.
+        place
+            Where the frame was taken and how its light changes there, as far as that is known.
 
         Returns
         -------
@@ -57,7 +84,7 @@ class TemporalFilter(Protocol):
         Raises
         ------
         ValueError
-            Where the coefficients hold NaN or Inf, which no later frame would mend, or the rotation is none.
+            Where coefficients or gradients hold NaN or Inf, which no later frame would mend, or the rotation is none.
         """
         ...
 
@@ -191,12 +218,15 @@ class _CommonGainFilter:
         self, gain: _Gain, cut_threshold: float, max_gap_seconds: float, linear_hold_tau: float | None = None
     ) -> None:
         self.cut = False
+        self.gradients: NDArray[np.float64] | None = None
         self._linear_hold_tau = linear_hold_tau
         self._gain = gain
         self._cut_threshold = cut_threshold
         self._max_gap_seconds = max_gap_seconds
         self._output: NDArray[np.float64] | None = None
         self._input = np.empty((0, 3))
+        self._place = Place()
+        """Of the frame before; gradients in world axes."""
         self._time_ns = 0
         self._weights = np.empty((0, 1))
 
@@ -204,34 +234,69 @@ class _CommonGainFilter:
         self._output = None
 
     def update(
-        self, coefficients: ArrayLike, time_ns: int, world_from_local: ArrayLike | None = None
+        self,
+        coefficients: ArrayLike,
+        time_ns: int,
+        world_from_local: ArrayLike | None = None,
+        place: Place | None = None,
     ) -> NDArray[np.float64]:
         frame = np.array(coefficients, dtype=np.float64)
-        if not np.isfinite(frame).all():
+        here = place or Place()
+        if not np.isfinite(frame).all() or not (here.gradients is None or np.isfinite(here.gradients).all()):
             raise ValueError("the coefficients hold NaN or Inf; repair the samples before projection")
         if world_from_local is not None:
             frame = rotate(frame, world_from_local)
-        self._output = self._next_output(frame, (time_ns - self._time_ns) * 1e-9)
-        self._input = frame
+            if here.gradients is not None:
+                here = replace(here, gradients=rotate_gradients(here.gradients, world_from_local))
+        jumped = self._follow(here)
+        self._output = self._next_output(frame, here.gradients, (time_ns - self._time_ns) * 1e-9, jumped)
+        self._input, self._place = frame, here
         self._time_ns = time_ns
         return self._output.copy()
 
-    def _next_output(self, frame: NDArray[np.float64], seconds: float) -> NDArray[np.float64]:
+    def _follow(self, here: Place) -> bool:
+        """Move what is held to where the probe is now; return whether that is further than the gradients reach."""
+        before = self._place
+        if here.position_m is None or before.position_m is None or self._output is None:
+            return False
+        moved = here.position_m - before.position_m
+        known = [one.gradients for one in (before, here) if one.gradients is not None]
+        if not known or not moved.any():
+            return False
+        if float(np.linalg.norm(moved)) > max(before.reach_m, here.reach_m):
+            return True
+        if all(gradients.shape[:1] == self._output.shape[:1] for gradients in known):
+            change = (sum(known) / len(known)) @ moved
+            self._output = self._output + change
+            self._input = self._input + change
+        return False
+
+    def _next_output(
+        self, frame: NDArray[np.float64], gradients: NDArray[np.float64] | None, seconds: float, jumped: bool
+    ) -> NDArray[np.float64]:
         output = self._output
         if output is None or output.shape != frame.shape:
-            return self._start(frame)
+            return self._start(frame, gradients)
         level, innovation = self._norm(output), self._norm(frame - output)
-        gap = not 0 <= seconds <= self._max_gap_seconds
+        gap = jumped or not 0 <= seconds <= self._max_gap_seconds
         if gap or (self._cut_threshold > 0 and innovation > self._cut_threshold * level):
-            return self._start(frame)
+            return self._start(frame, gradients)
         self.cut = False
         gain = self._gain.gain(seconds, level, innovation, self._norm(frame - self._input))
-        target = frame
+        share = 0.0
         if self._linear_hold_tau is not None:
-            target = frame + _linear_hold_share(seconds, self._linear_hold_tau) * (self._input - frame)
-        return output + gain * (target - output)
+            share = _linear_hold_share(seconds, self._linear_hold_tau)
+        self.gradients = self._next_gradients(gradients, gain, share)
+        return output + gain * (frame + share * (self._input - frame) - output)
 
-    def _start(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _next_gradients(self, new: NDArray[np.float64] | None, gain: float, share: float) -> NDArray[np.float64] | None:
+        old, before = self.gradients, self._place.gradients
+        if new is None or old is None or before is None or not new.shape == old.shape == before.shape:
+            return new
+        return np.asarray(old + gain * (new + share * (before - new) - old))
+
+    def _start(self, frame: NDArray[np.float64], gradients: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        self.gradients = gradients
         bands = bands_of_count(frame.shape[0])
         self._weights = lambert_zonal(bands)[degree_of_index(bands), np.newaxis]
         self._gain.start(self._norm(frame))
