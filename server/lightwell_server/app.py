@@ -87,11 +87,13 @@ async def _run(config: Config, store: Store, server_url: str) -> AsyncIterator[S
     session = new_session()
     auth = Auth(config.auth, config.server)
     hub = Hub(config.hub, session)
+    uploads = Uploads(config.uploads, config.server.data_dir, config.server.min_free_mb)
     supervisor = Supervisor(
         hub,
         config.supervisor,
         server_url=server_url,
         token=auth.worker_token,
+        uploads=uploads.root,
         log_settings=config.log,
     )
     parts = Services(
@@ -105,7 +107,7 @@ async def _run(config: Config, store: Store, server_url: str) -> AsyncIterator[S
         catalogue=Catalogue(hub, store, supervisor, config.streams),
         captures=Captures(store, config.jobs, config.server.data_dir),
         jobs=Jobs(config),
-        uploads=Uploads(config.uploads, config.server.data_dir, config.server.min_free_mb),
+        uploads=uploads,
     )
     for warning in auth.warnings(config.server.host):
         log.warning(warning, host=config.server.host)

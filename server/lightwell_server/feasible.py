@@ -83,6 +83,10 @@ def _check_source(text: str) -> None:
             parse_options(url, RoomOptions)
             if url.target not in SCENES:
                 raise SourceError(f"source {text!r}: no scene {url.target!r}. There is: {', '.join(SCENES)}")
+        case "upload":
+            from lightwell_workers.ingest.sources.upload import check_upload
+
+            check_upload(url)
         case _:
             raise SourceError(f"source {text!r}: no scheme {url.scheme!r}. There are: {', '.join(SCHEMES)}")
     if not url.target:

@@ -17,6 +17,7 @@ import time
 from collections import deque
 from collections.abc import AsyncIterator, Coroutine, Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import structlog
 
@@ -73,13 +74,24 @@ class Supervisor:
     """Starts, watches and ends the embedded workers."""
 
     def __init__(
-        self, hub: Hub, settings: SupervisorSettings, *, server_url: str, token: str, log_settings: LogSettings
+        self,
+        hub: Hub,
+        settings: SupervisorSettings,
+        *,
+        server_url: str,
+        token: str,
+        uploads: Path,
+        log_settings: LogSettings,
     ) -> None:
-        """Prepare; ``server_url`` is where workers find this server; they write their logs as it does its own."""
+        """Prepare; ``server_url`` is where workers find this server, ``uploads`` what it was sent.
+
+        They write their logs as it does its own.
+        """
         self._hub = hub
         self._settings = settings
         self._server_url = server_url
         self._token = token
+        self._uploads = uploads
         self._log_options = ("--log-format", resolve_format(log_settings.format), "--log-level", log_settings.level)
         self._workers: dict[str, _Worker] = {}
 
@@ -180,7 +192,11 @@ class Supervisor:
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
             env=os.environ
-            | {"LIGHTWELL_STREAM_SETTINGS": worker.settings.model_dump_json(), "LIGHTWELL_TOKEN": self._token},
+            | {
+                "LIGHTWELL_STREAM_SETTINGS": worker.settings.model_dump_json(),
+                "LIGHTWELL_TOKEN": self._token,
+                "LIGHTWELL_UPLOADS": str(self._uploads),
+            },
             start_new_session=True,  # Ctrl-C on a terminal goes to the server, which ends the workers itself
         )
         worker.pid = process.pid

@@ -82,7 +82,7 @@ class Uploads:
 
     def source(self, record: UploadRecord) -> str | None:
         """Return the source of a stream that shows a map; None for meshes."""
-        return f"exr:{self.path(record)}?fps=1&loop=1" if record.kind == "map" else None
+        return f"upload:{record.id}" if record.kind == "map" else None
 
     def delete(self, upload: str) -> None:
         """Delete an upload; raises `UploadUnknownError`."""

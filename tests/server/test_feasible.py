@@ -19,9 +19,11 @@ ROOM = "synthetic:room"
 @pytest.mark.parametrize(
     ("settings", "field", "message"),
     [
-        ({"source": "foo:bar"}, "source", "There are: exr, video, synthetic"),
+        ({"source": "foo:bar"}, "source", "There are: exr, video, synthetic, upload"),
         ({"source": "room"}, "source", "has no scheme"),
         ({"source": "exr:"}, "source", "names no files"),
+        ({"source": "upload:map.exr"}, "source", "names no upload"),
+        ({"source": f"upload:{'0' * 20}?fps=2"}, "source", "has no option 'fps'"),
         ({"source": "exr:x?pace=2"}, "source", "has no option 'pace'"),
         ({"source": "video:x?transfer=gamma"}, "source", "option 'transfer'"),
         ({"source": "synthetic:room?fps=abc"}, "source", "option 'fps'"),

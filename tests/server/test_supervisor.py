@@ -200,6 +200,7 @@ class StubbornWorkers:
             SupervisorSettings(stop_seconds=0.2),
             server_url="http://127.0.0.1:9",
             token="t",
+            uploads=directory,
             log_settings=LogSettings(),
         )
 

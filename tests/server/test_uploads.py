@@ -232,7 +232,7 @@ def test_a_map_becomes_a_stream(api: httpx.Client, tmp_path: Path) -> None:
     document = answer.json()
     assert (document["kind"], document["width"], document["height"]) == ("map", 32, 16)
     source = document["source"]
-    assert source.startswith("exr:")
+    assert source == f"upload:{document['id']}"  # no place on the server
     made = api.post("/streams", json={"name": "sky", "settings": {"source": source}})
     assert made.status_code == 201, made.text
     refused = api.delete(f"/uploads/{document['id']}")
@@ -241,11 +241,11 @@ def test_a_map_becomes_a_stream(api: httpx.Client, tmp_path: Path) -> None:
     assert api.delete(f"/uploads/{document['id']}").status_code == 204
 
 
-def test_hdr_maps_become_exr_and_odd_ones_are_refused(api: httpx.Client, tmp_path: Path) -> None:
+def test_hdr_maps_become_exr_and_odd_ones_are_refused(api: httpx.Client, data: Path) -> None:
     pixels = np.full((16, 32, 3), (0.5, 1.0, 2.0), np.float32)  # blue, green, red
     body = cv2.imencode(".hdr", pixels)[1].tobytes()
     document = send(api, "room.hdr", body).json()
-    place = Path(document["source"].removeprefix("exr:").partition("?")[0])
+    place = data / "uploads" / document["id"] / "map.exr"
     np.testing.assert_allclose(read_rgb(place).pixels[0, 0], [2, 1, 0.5], rtol=0.01)
     odd = send(api, "odd.hdr", cv2.imencode(".hdr", pixels[:, :20])[1].tobytes())
     assert (odd.status_code, "20×16; a lat-long map is twice as wide" in odd.json()["detail"]) == (422, True)
@@ -253,12 +253,12 @@ def test_hdr_maps_become_exr_and_odd_ones_are_refused(api: httpx.Client, tmp_pat
     assert (dark.status_code, "no light" in dark.json()["detail"]) == (422, True)
 
 
-def test_wide_maps_are_made_smaller_and_keep_their_energy(api: httpx.Client, tmp_path: Path) -> None:
+def test_wide_maps_are_made_smaller_and_keep_their_energy(api: httpx.Client, data: Path, tmp_path: Path) -> None:
     pixels = np.ones((2048, 4096, 3), np.float16)
     write_rgb(tmp_path / "wide.exr", pixels, "zip")
     document = send(api, "wide.exr", (tmp_path / "wide.exr").read_bytes()).json()
     assert (document["width"], document["height"]) == (4096, 2048)
-    place = Path(document["source"].removeprefix("exr:").partition("?")[0])
+    place = data / "uploads" / document["id"] / "map.exr"
     kept = read_rgb(place).pixels
     assert kept.shape == (1024, 2048, 3)
     np.testing.assert_allclose(kept, 1, rtol=1e-3)
@@ -283,6 +283,8 @@ def test_jobs_take_uploads_and_paths_below_the_roots(api: httpx.Client, data: Pa
     assert (dry(sky).status_code, "light map" in dry(sky).json()["detail"]) == (422, True)
     job = api.post("/jobs", json={"kind": "prt-transfer", "settings": {"mesh": upload}})
     assert job.status_code == 202, job.text
+    assert job.json()["settings"]["mesh"] == upload
+    assert str(data) not in api.get("/jobs").text
     refused = api.delete(f"/uploads/{upload}")
     assert (refused.status_code, job.json()["id"] in refused.json()["detail"]) == (409, True)
     api.post(f"/jobs/{job.json()['id']}/cancel")

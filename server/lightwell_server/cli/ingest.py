@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_module
 import os
 import sys
+from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
 import typer
@@ -44,6 +45,10 @@ def ingest(
     source: Annotated[str | None, typer.Argument(help=_help(StreamSettings, "source"))] = None,
     server: Annotated[str, typer.Option(help="URL of the server")] = "http://127.0.0.1:8400",
     token: Annotated[str | None, typer.Option(envvar="LIGHTWELL_TOKEN", help="the server's token")] = None,
+    uploads: Annotated[
+        Path | None,
+        typer.Option(envvar="LIGHTWELL_UPLOADS", help="folder of the server's uploads, for upload: sources"),
+    ] = None,
     settings: Annotated[
         str | None,
         typer.Option(envvar="LIGHTWELL_STREAM_SETTINGS", help="settings as JSON; the other options change single ones"),
@@ -161,7 +166,8 @@ def ingest(
     said_by = context.get_parameter_source("settings")
     place = "LIGHTWELL_STREAM_SETTINGS" if said_by is not None and said_by.name == "ENVIRONMENT" else "--settings"
     chosen = stream_settings(settings, changes, place)
-    sys.exit(run_worker(chosen, stream, server, token, on_status=print_status if json else None))
+    said = print_status if json else None
+    sys.exit(run_worker(chosen, stream, server, token, on_status=said, uploads=uploads))
 
 
 def _take_standard_output() -> TextIO:

@@ -105,8 +105,12 @@ class KindDocument(BaseModel):
     settings_schema: dict[str, Any] = Field(description="JSON schema of its settings")
 
 
-def _document(job: Job) -> JobDocument:
+def _document(parts: Services, job: Job) -> JobDocument:
+    """Return what is shown of a job: a mesh that was sent is named by its upload, not by its place on the server."""
     document = msgspec.to_builtins(job)
+    mesh = document["settings"].get("mesh")
+    if isinstance(mesh, str) and Path(mesh).is_relative_to(parts.uploads.root):
+        document["settings"]["mesh"] = Path(mesh).relative_to(parts.uploads.root).parts[0]
     for artifact in document["artifacts"]:
         artifact.pop("files", None)
     return JobDocument.model_validate(document)
@@ -159,7 +163,7 @@ async def submit_job(
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
     if not is_new:
         response.status_code = 200
-    return _document(job)
+    return _document(parts, job)
 
 
 def _settings(parts: Services, submission: JobSubmission) -> Settings:
@@ -210,13 +214,14 @@ async def list_jobs(
     if cursor is None and not parts.jobs.exists:
         return JobPage(jobs=[], next=None)  # looking does not make a queue where nobody has submitted anything
     jobs, following = await parts.jobs.call(lambda queue: queue.page(cursor, limit, state, kind))
-    return JobPage(jobs=[_document(job) for job in jobs], next=following)
+    return JobPage(jobs=[_document(parts, job) for job in jobs], next=following)
 
 
 @router.get("/jobs/{job}", dependencies=READ, responses=problems(404, 503))
 async def get_job(request: Request, job: str) -> JobDocument:
     """Describe one job."""
-    return _document(await services(request).jobs.call(lambda queue: queue.get(job)))
+    parts = services(request)
+    return _document(parts, await parts.jobs.call(lambda queue: queue.get(job)))
 
 
 @router.delete("/jobs/{job}", status_code=204, dependencies=ADMIN, responses=problems(404, 409, 503))
@@ -229,7 +234,8 @@ async def delete_job(request: Request, job: str) -> Response:
 @router.post("/jobs/{job}/cancel", dependencies=ADMIN, responses=problems(404, 409, 503))
 async def cancel_job(request: Request, job: str) -> JobDocument:
     """Cancel a job that is queued or runs."""
-    return _document(await services(request).jobs.call(lambda queue: queue.cancel(job)))
+    parts = services(request)
+    return _document(parts, await parts.jobs.call(lambda queue: queue.cancel(job)))
 
 
 @router.post("/jobs/{job}/retry", dependencies=ADMIN, responses=problems(404, 409, 503))
@@ -238,7 +244,7 @@ async def retry_job(request: Request, job: str) -> JobDocument:
     parts = services(request)
     result = await parts.jobs.call(lambda queue: queue.retry(job))
     parts.jobs.executor.ensure()
-    return _document(result)
+    return _document(parts, result)
 
 
 @router.get("/jobs/{job}/log", dependencies=READ, responses=problems(404, 503))
@@ -290,7 +296,7 @@ async def _follow(parts: Services, job: str, after: int) -> AsyncIterator[str]:
         if state in FINISHED and events:
             continue  # there may be more than are read at once
         if state in FINISHED:
-            final = _document(await parts.jobs.call(lambda queue: queue.get(job)))
+            final = _document(parts, await parts.jobs.call(lambda queue: queue.get(job)))
             yield f"id: {after}\nevent: end\ndata: {final.model_dump_json()}\n\n"
             return
         if idle % KEEP_ALIVE_POLLS == KEEP_ALIVE_POLLS - 1:

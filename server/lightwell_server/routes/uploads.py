@@ -127,7 +127,8 @@ async def delete_upload(request: Request, upload: str) -> Response:
     record = await asyncio.to_thread(parts.uploads.find, upload)
     place = str(parts.uploads.path(record))
     for entry in parts.catalogue.entries():
-        if place in entry.settings.source:
+        source = entry.settings.source
+        if source == parts.uploads.source(record) or place in source:
             raise Problem(409, "upload-in-use", f"the stream {entry.name!r} shows it; delete the stream first")
     if parts.jobs.exists:
         busy = await parts.jobs.call(lambda queue: _job_with(queue, place))

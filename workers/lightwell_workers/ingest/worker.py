@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
+from pathlib import Path
 from types import FrameType
 from uuid import uuid4
 
@@ -56,10 +57,12 @@ def run_worker(
     server_url: str,
     token: str | None = None,
     on_status: Callable[[StreamStatus], None] | None = None,
+    uploads: Path | None = None,
 ) -> ExitStatus:
     """Run one stream until its source ends, a SIGTERM or SIGINT comes, or the server refuses it.
 
-    Call it on the main thread, because of the signals. ``on_status`` gets each status that the server gets.
+    Call it on the main thread, because of the signals. ``on_status`` gets each status that the server gets;
+    ``uploads`` is where the server keeps what it was sent.
 
     Raises
     ------
@@ -68,7 +71,7 @@ def run_worker(
     """
     url = publish_url(server_url, stream)
     try:
-        source = open_source(settings.source, settings.mapping)
+        source = open_source(settings.source, settings.mapping, uploads)
     except SourceError as error:
         _Worker(None, settings, stream, url, token, on_status).report_failure(str(error))
         raise

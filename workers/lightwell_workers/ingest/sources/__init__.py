@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from lightwell.errors import SourceError
 from lightwell.settings import MappingSettings
@@ -35,13 +36,14 @@ _OPENERS: dict[str, Callable[[SourceUrl, MappingSettings], Source]] = {
     "synthetic": _synthetic,
 }
 
-SCHEMES = tuple(_OPENERS)
+SCHEMES = (*_OPENERS, "upload")
 
 
-def open_source(url: str, mapping: MappingSettings | None = None) -> Source:
+def open_source(url: str, mapping: MappingSettings | None = None, uploads: Path | None = None) -> Source:
     """Open the source that ``url`` names.
 
     ``mapping`` is the stream's: sources that render their pictures render them in it, the others ignore it.
+    ``uploads``: where the server keeps what it was sent.
 
     Raises
     ------
@@ -49,6 +51,10 @@ def open_source(url: str, mapping: MappingSettings | None = None) -> Source:
         Where the scheme or an option is unknown, or there is nothing to read; says what to do.
     """
     parsed = parse_source_url(url)
+    if parsed.scheme == "upload":
+        from lightwell_workers.ingest.sources.upload import open_upload
+
+        return open_upload(parsed, uploads)
     opener = _OPENERS.get(parsed.scheme)
     if opener is None:
         raise SourceError(f"source {url!r}: no scheme {parsed.scheme!r}. There are: {', '.join(SCHEMES)}")
