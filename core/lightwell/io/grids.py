@@ -1,8 +1,8 @@
 """Grids on disk: Zarr v3 groups that Python and the browser read.
 
 A regular grid has ``coefficients`` (z, y, x, bands², 3), ``coverage`` and ``samples`` (z, y, x), ``gradients`` (z, y,
-x, bands², 3, 3) where there are any, and ``gpu_tiles`` (tiles, z, y, x, 4) of `lightwell.field.tiles`. Adaptive grids
-are written by `lightwell.io.adaptive`.
+x, bands², 3, 3) where there are any, and for browsers ``gpu_tiles`` (tiles, z, y, x, 4) and, of gradients,
+``gpu_bends`` (3 tiles, z, y, x, 4) of `lightwell.field.tiles`. Adaptive grids are written by `lightwell.io.adaptive`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from zarr.errors import BaseZarrError
 from lightwell.conventions import coefficient_count
 from lightwell.field.adaptive import AnyGrid
 from lightwell.field.grid import Grid
-from lightwell.field.tiles import pack_tiles
+from lightwell.field.tiles import pack_bends, pack_tiles
 from lightwell.io.adaptive import FORMAT as ADAPTIVE_FORMAT
 from lightwell.io.adaptive import NAMES as ADAPTIVE_NAMES
 from lightwell.io.adaptive import adaptive_grid
@@ -50,6 +50,7 @@ def write_grid(path: Path, grid: Grid, precision: Precision = "float32") -> None
     """
     require_storable(path, grid.coefficients, precision)
     tiles, scale = pack_tiles(grid.coefficients)
+    own: dict[str, Any] = {"format": FORMAT, "gpu_tiles_scale": scale}
     arrays: dict[str, Chunked] = {
         "coefficients": (grid.coefficients.astype(precision), _chunks(grid.coefficients.shape)),
         "coverage": (grid.coverage, grid.coverage.shape),
@@ -60,7 +61,9 @@ def write_grid(path: Path, grid: Grid, precision: Precision = "float32") -> None
     if grid.gradients is not None:
         require_storable(path, grid.gradients, precision, "gradients")
         arrays["gradients"] = (grid.gradients.astype(precision), _chunks(grid.gradients.shape))
-    attributes = {**common_attributes(grid), "format": FORMAT, "gpu_tiles_scale": scale}
+        bends, own["gpu_bends_scale"] = pack_bends(grid.gradients, grid.spec.voxel)
+        arrays["gpu_bends"] = (bends, (1, *bends.shape[1:]))
+    attributes = {**common_attributes(grid), **own}
     write_group(path, attributes, arrays)
 
 

@@ -25,7 +25,16 @@ Precision = Literal["float32", "float16"]
 Chunked = tuple[NDArray[Any], tuple[int, ...]]
 """An array and the shape of its chunks."""
 
-OF_A_FORM = ("format", "gpu_tiles_scale", "tolerance", "steps", "leaves", "gpu_slots", "gpu_bricks_scale")
+OF_A_FORM = (
+    "format",
+    "gpu_tiles_scale",
+    "gpu_bends_scale",
+    "tolerance",
+    "steps",
+    "leaves",
+    "gpu_slots",
+    "gpu_bricks_scale",
+)
 """Attributes that one form of grids has and the other must not inherit."""
 
 
@@ -74,7 +83,8 @@ def write_group(path: Path, attributes: dict[str, Any], arrays: Mapping[str, Chu
     try:
         group = zarr.open_group(partial, mode="w", zarr_format=3, attributes=attributes)
         for name, (values, chunks) in arrays.items():
-            # What is missing reads as NaN, so that a file that was lost is not taken for darkness.
+            # What is missing reads as NaN, so that a file that was lost is not taken for darkness. Every file is
+            # written, also where it is all zeros: browsers read files, and know of no default.
             array = group.create_array(
                 name,
                 shape=values.shape,
@@ -82,6 +92,7 @@ def write_group(path: Path, attributes: dict[str, Any], arrays: Mapping[str, Chu
                 chunks=chunks,
                 compressors=None,
                 fill_value=float("nan") if values.dtype.kind == "f" else 0,
+                config={"write_empty_chunks": True},
             )
             array[...] = values
         if path.exists():

@@ -14,7 +14,7 @@ import zarr
 from lightwell.field.gradient import central_differences
 from lightwell.field.grid import Grid
 from lightwell.field.spec import GridSpec
-from lightwell.field.tiles import pack_tiles, tile_count, unpack_tiles
+from lightwell.field.tiles import pack_bends, pack_tiles, tile_count, unpack_tiles
 from lightwell.io.export import export_grid, ktx2, three
 from lightwell.io.grids import GridError, open_grid, write_grid
 from lightwell.io.plots import plot_grid, plot_positions
@@ -42,6 +42,9 @@ def test_round_trip(tmp_path: Path, gradients: bool) -> None:
     assert group["coefficients"].shape == (5, 3, 4, 25, 3)  # type: ignore[union-attr]
     assert group["gpu_tiles"].shape == (19, 5, 3, 4, 4)  # type: ignore[union-attr]
     assert group.attrs["voxel_m"] == [0.5, 1.0, 0.4]
+    assert ("gpu_bends" in group, "gpu_bends_scale" in group.attrs) == (gradients, gradients)
+    if gradients:
+        assert group["gpu_bends"].shape == (57, 5, 3, 4, 4)  # type: ignore[union-attr]
 
 
 def test_the_same_grid_is_the_same_bytes(tmp_path: Path) -> None:
@@ -70,6 +73,37 @@ def test_half_range_is_checked(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, bright.coefficients, rtol=1e-3, atol=50)
     write_grid(tmp_path / "h.zarr", _grid(), "float16")
     np.testing.assert_allclose(open_grid(tmp_path / "h.zarr").coefficients, _grid().coefficients, rtol=1e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("resolution", [(4, 3, 5), (1, 4, 2), (2, 1, 1)])
+def test_bends_make_the_half_gradient_rule_out_of_a_trilinear_filter(resolution: tuple[int, int, int]) -> None:
+    """As a shader does it: one trilinear look-up, and one look-up an axis in the middle of the lower node."""
+    rng = np.random.default_rng(3)
+    spec = GridSpec((-1, 0, 2), (1, 3, 4), resolution)
+    values = rng.normal(size=(*spec.shape, 9, 3)).astype(np.float32)
+    slopes = rng.normal(size=(*values.shape, 3)).astype(np.float32)
+    grid = Grid(spec, values, np.ones(spec.shape, np.float32), None, slopes)
+    tiles, scale = pack_bends(slopes, spec.voxel)
+    bends = [Grid(spec, unpack_tiles(part, 9, scale), np.ones(spec.shape, np.float32)) for part in np.split(tiles, 3)]
+    points = rng.uniform(np.subtract(spec.lower, 0.2), np.add(spec.upper, 0.2), (200, 3))
+    places = np.clip(spec.to_cells(points) - 0.5, 0, np.array(resolution) - 1)
+    low = np.maximum(np.minimum(np.floor(places), np.array(resolution) - 2), 0)
+    fraction = places - low
+    total = Grid(spec, values, np.ones(spec.shape, np.float32)).sample(points).coefficients
+    for axis, bend in enumerate(bends):
+        at = places.copy()
+        at[:, axis] = low[:, axis]
+        found = bend.sample((at + 0.5) * spec.voxel + spec.lower).coefficients
+        total = total + (fraction[:, axis] * (1 - fraction[:, axis]))[:, None, None] * found
+    np.testing.assert_allclose(total, grid.sample(points).coefficients, atol=1e-3)
+
+
+def test_steep_bends_have_a_scale() -> None:
+    slopes = np.zeros((1, 1, 2, 1, 3, 3), np.float32)
+    slopes[0, 0, 0, ..., 0] = 2.0**20
+    tiles, scale = pack_bends(slopes, np.array([2.0, 1.0, 1.0]))
+    assert scale == 32
+    assert unpack_tiles(tiles[:1], 1, scale)[0, 0, 0, 0, 0] == 2.0**20
 
 
 @pytest.mark.parametrize("bands", range(1, 7))
