@@ -30,3 +30,7 @@ class MappingError(LightwellError):
 
 class RenderError(LightwellError):
     """A picture cannot be rendered as it was asked for: names the object or the field, the value and the remedy."""
+
+
+class ProxyError(LightwellError):
+    """The geometry round a probe cannot be used: names the value and the remedy."""

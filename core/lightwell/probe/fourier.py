@@ -53,7 +53,7 @@ _FAST = {"contract", "reassoc", "nsz"}
 # Kernels take whole arrays and indices, not views of them: numba counts the references to an array, so each view would
 # change a counter that the other thread changes too.
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def _fold_row(samples, i, parts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def fold_row(samples, i, parts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Write a+b+c+d, a−b+c−d, a−c and b−d of row i into the four parts, colour samples still interleaved."""
     quarter = parts.shape[1]
     for q in range(quarter):
@@ -75,7 +75,7 @@ def _prefetch_quarter(samples, i, quarter):  # type: ignore[no-untyped-def]  # n
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def _widen_row(samples, i, values):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def widen_row(samples, i, values):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Write row i as float32 into ``values[0]``."""
     for q in range(values.shape[1]):
         values[0, q] = to_float32(samples[i, q])
@@ -83,7 +83,7 @@ def _widen_row(samples, i, values):  # type: ignore[no-untyped-def]  # noqa: ANN
 
 # Colours lie interleaved, and taking them apart costs as much as the products: so two orders share it.
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def _even_sums(values, part, cosines, sines, m, far, sums):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def even_sums(values, part, cosines, sines, m, far, sums):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Write ``Σ v cos`` and ``Σ v sin`` of a part's colours into ``sums[m]``, and those of far into ``sums[far]``."""
     cr = cg = cb = sr = sg = sb = np.float32(0)
     far_cr = far_cg = far_cb = far_sr = far_sg = far_sb = np.float32(0)
@@ -109,7 +109,7 @@ def _even_sums(values, part, cosines, sines, m, far, sums):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def _odd_sums(parts, cosines, sines, m, sums):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def odd_sums(parts, cosines, sines, m, sums):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Write the sums of an order m ≡ 1 (mod 4) into ``sums[m]`` and those of m + 2 into ``sums[m + 2]``."""
     cr = cg = cb = sr = sg = sb = np.float32(0)
     far_cr = far_cg = far_cb = far_sr = far_sg = far_sb = np.float32(0)
@@ -154,13 +154,13 @@ def _project_folded(samples, cosines, sines, legendre, out):  # type: ignore[no-
     parts = np.empty((4, samples.shape[1] // 4), np.float32)
     sums = np.empty((PADDED_ORDERS, 2, 3), np.float32)
     for i in range(samples.shape[0]):
-        _fold_row(samples, i, parts)
+        fold_row(samples, i, parts)
         _prefetch_quarter(samples, i + ROWS_AHEAD, 0)
         for m in range(legendre.shape[1]):
             if m % 8 == 0 or m % 8 == 2:
-                _even_sums(parts, (m % 4) // 2, cosines, sines, m, m + 4, sums)
+                even_sums(parts, (m % 4) // 2, cosines, sines, m, m + 4, sums)
             elif m % 4 == 1:
-                _odd_sums(parts, cosines, sines, m, sums)
+                odd_sums(parts, cosines, sines, m, sums)
             else:
                 continue
             _prefetch_quarter(samples, i + ROWS_AHEAD, m + 1)
@@ -172,14 +172,15 @@ def _project_plain(samples, cosines, sines, legendre, out):  # type: ignore[no-u
     values = np.empty((1, samples.shape[1]), np.float32)
     sums = np.empty((PADDED_ORDERS, 2, 3), np.float32)
     for i in range(samples.shape[0]):
-        _widen_row(samples, i, values)
+        widen_row(samples, i, values)
         for m in range(0, legendre.shape[1], 2):
-            _even_sums(values, 0, cosines, sines, m, m + 1, sums)
+            even_sums(values, 0, cosines, sines, m, m + 1, sums)
         _add_row(sums, legendre, i, out)
 
 
 @njit(cache=True, nogil=True)
-def _legendre_rows(theta, weights, bands, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def legendre_rows(theta, weights, bands, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Write ``w Q_lm(cosθ) sinᵐθ`` of each row into ``out`` ``(rows, bands, bands)``."""
     for i in range(theta.shape[0]):
         legendre_at(np.cos(theta[i]), bands, out[i])
         power = weights[i]
@@ -202,7 +203,7 @@ class FourierProjection:
         self._bands = bands
         theta = np.pi * (np.arange(mapping.height) + 0.5) / mapping.height
         self._legendre = np.zeros((mapping.height, bands, bands))
-        _legendre_rows(theta, row_weights(mapping.height, mapping.width, weights), bands, self._legendre)
+        legendre_rows(theta, row_weights(mapping.height, mapping.width, weights), bands, self._legendre)
         self._folds = mapping.width % 4 == 0
         columns = mapping.width // 4 if self._folds else mapping.width
         phi = 2 * np.pi * (np.arange(columns) + 0.5) / mapping.width

@@ -205,3 +205,16 @@ def evaluate_with_gradient(directions: ArrayLike, bands: int) -> tuple[NDArray[n
     _evaluate_with_gradient(flat, bands, values, gradients)
     shape = (*np.shape(directions)[:-1], bands * bands)
     return values.reshape(shape), gradients.reshape(*shape, 3)
+
+
+def basis_gradients(directions: ArrayLike, bands: int) -> NDArray[np.float64]:
+    """Return ``∇_S Y`` at unit vectors ``(..., 3)``, as ``(..., bands², 3)``.
+
+    The second value of `evaluate_with_gradient`: analytic and finite everywhere, poles included.
+
+    Raises
+    ------
+    ValueError
+        As `evaluate`.
+    """
+    return evaluate_with_gradient(directions, bands)[1]
