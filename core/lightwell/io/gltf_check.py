@@ -16,9 +16,13 @@ UNREADABLE = {
     "KHR_draco_mesh_compression": "Draco compression",
     "EXT_meshopt_compression": "meshopt compression",
     "KHR_meshopt_compression": "meshopt compression",
-    "KHR_mesh_quantization": "quantised vertices",
+    "EXT_mesh_gpu_instancing": "instances on the GPU",
 }
-JSON_CHUNK = 0x4E4F534A
+HARMLESS = ("KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp")
+"""Beginnings of extensions that are read, or that change nothing of what is."""
+JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
+TRIANGLES, STRIP, FAN = 4, 5, 6
+TRIANGLE_MODES = (TRIANGLES, STRIP, FAN)
 MAX_NODES = 100_000
 
 
@@ -26,8 +30,8 @@ class GltfError(ValueError):
     """Says what is wrong, and what would help where something would."""
 
 
-def document_of_glb(data: bytes) -> dict[str, Any]:
-    """Return the JSON of a GLB file (glTF 2.0 §4.4). Raises `GltfError`."""
+def split_glb(data: bytes) -> tuple[dict[str, Any], bytes | None]:
+    """Return the JSON of a GLB file, and its binary chunk where it has one (glTF 2.0 §4.4). Raises `GltfError`."""
     if len(data) < 20:
         raise GltfError(f"is {len(data)} bytes long; a GLB file has at least 20")
     magic, version, length, chunk, kind = struct.unpack_from("<4sIIII", data)
@@ -37,7 +41,16 @@ def document_of_glb(data: bytes) -> dict[str, Any]:
         raise GltfError(f"is glTF version {version}; version 2 can be read: export it again")
     if length > len(data) or 20 + chunk > len(data) or kind != JSON_CHUNK:
         raise GltfError(f"is cut short or damaged: it says {length} bytes and has {len(data)}; export it again")
-    return parse_document(data[20 : 20 + chunk])
+    document = parse_document(data[20 : 20 + chunk])
+    place = 20 + chunk
+    while place + 8 <= length:
+        size, kind = struct.unpack_from("<II", data, place)
+        if place + 8 + size > length:
+            raise GltfError("is cut short or damaged: a chunk is longer than the file; export it again")
+        if kind == BINARY_CHUNK:
+            return document, data[place + 8 : place + 8 + size]
+        place += 8 + size
+    return document, None
 
 
 def parse_document(text: bytes) -> dict[str, Any]:
@@ -56,6 +69,8 @@ def check_document(document: Mapping[str, Any], max_triangles: int) -> None:
     for name in document.get("extensionsRequired", ()):
         if name in UNREADABLE:
             raise GltfError(f"uses {UNREADABLE[name]} ({name}), which is not read; export it without")
+        if not str(name).startswith(HARMLESS):
+            raise GltfError(f"requires the extension {str(name)[:80]!r}, which is not read; export it without")
     try:
         _check_triangles(document, max_triangles)
         _check_accessors(document, 3 * max_triangles)
@@ -71,38 +86,53 @@ def _check_accessors(document: Mapping[str, Any], most: int) -> None:
         count = accessor["count"]
         if not 0 <= count <= most:
             raise GltfError(f"accessor {index} has {count} items; at most {most} are read")
-        if "sparse" in accessor:
-            raise GltfError(f"accessor {index} is sparse, which is not read; export without sparse accessors")
-        if "bufferView" not in accessor:
-            continue
-        view = views[accessor["bufferView"]]
         item = COMPONENT_BYTES[accessor["componentType"]] * TYPE_COMPONENTS[accessor["type"]]
-        stride = view.get("byteStride", item)
-        offset = accessor.get("byteOffset", 0)
-        end = offset + (count - 1) * stride + item if count else offset
-        if offset < 0 or stride < item or end > view["byteLength"]:
-            raise GltfError(
-                f"accessor {index} reaches to byte {end} of a view of {view['byteLength']}; export it again"
-            )
+        sparse = accessor.get("sparse")
+        if sparse is not None:
+            if not 0 <= sparse["count"] <= count:
+                raise GltfError(f"accessor {index} has {sparse['count']} sparse items of {count}; export it again")
+            where = sparse["indices"]
+            _check_reach(index, where, views, sparse["count"], COMPONENT_BYTES[where["componentType"]])
+            _check_reach(index, sparse["values"], views, sparse["count"], item)
+        if "bufferView" in accessor:
+            _check_reach(index, accessor, views, count, item)
+
+
+def _check_reach(index: int, part: Mapping[str, Any], views: list[Any], count: int, item: int) -> None:
+    view = views[part["bufferView"]]
+    stride = view.get("byteStride", item)
+    offset = part.get("byteOffset", 0)
+    end = offset + (count - 1) * stride + item if count else offset
+    if offset < 0 or stride < item or end > view["byteLength"]:
+        raise GltfError(f"accessor {index} reaches to byte {end} of a view of {view['byteLength']}; export it again")
 
 
 def _check_triangles(document: Mapping[str, Any], most: int) -> None:
-    """Count the triangles that the nodes of the scene show, each use of a mesh by itself."""
+    """Count what the nodes of the scene show, each use of a mesh by itself: triangles, and vertices that have none."""
     accessors = document.get("accessors", [])
-    per_mesh = [
-        sum(_corners(primitive, accessors) for primitive in mesh["primitives"]) // 3
-        for mesh in document.get("meshes", [])
-    ]
+    per_mesh = []
+    for mesh in document.get("meshes", []):
+        shown = [one for one in mesh["primitives"] if one.get("mode", TRIANGLES) in TRIANGLE_MODES]
+        per_mesh.append(
+            (
+                sum(_count_triangles(one, accessors) for one in shown),
+                sum(int(accessors[one["attributes"]["POSITION"]]["count"]) for one in shown),
+            )
+        )
     nodes = document.get("nodes", [])
     if len(nodes) > MAX_NODES:
         raise GltfError(f"has {len(nodes)} nodes; at most {MAX_NODES} are read")
     children = [child for node in nodes for child in node.get("children", ())]
     if len(set(children)) < len(children):
         raise GltfError("has nodes with two parents or in a circle; export it again")
-    total = sum(per_mesh[node["mesh"]] for node in nodes if "mesh" in node)
-    if total > most:
-        raise GltfError(f"shows {total} triangles; at most {most} are read: simplify it")
+    uses = [per_mesh[node["mesh"]] for node in nodes if "mesh" in node]
+    triangles, vertices = sum(use[0] for use in uses), sum(use[1] for use in uses)
+    if triangles > most:
+        raise GltfError(f"shows {triangles} triangles; at most {most} are read: simplify it")
+    if vertices > 3 * most:
+        raise GltfError(f"shows {vertices} vertices; at most {3 * most} are read: simplify it")
 
 
-def _corners(primitive: Mapping[str, Any], accessors: list[Any]) -> int:
-    return int(accessors[primitive.get("indices", primitive["attributes"]["POSITION"])]["count"])
+def _count_triangles(primitive: Mapping[str, Any], accessors: list[Any]) -> int:
+    corners = int(accessors[primitive.get("indices", primitive["attributes"]["POSITION"])]["count"])
+    return corners // 3 if primitive.get("mode", TRIANGLES) == TRIANGLES else max(0, corners - 2)

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from lightwell.errors import LightwellError
 from lightwell.geometry.mesh import DEFAULT_ALBEDO, Mesh, make_mesh
 from lightwell.io.files import require_file
-from lightwell.io.gltf_check import GltfError, check_document, document_of_glb, parse_document
+from lightwell.io.gltf import read_objects
+from lightwell.io.gltf_check import GltfError, check_document, parse_document, split_glb
+from lightwell.io.gltf_data import GltfData
 
 UpAxis = Literal["y", "z"]
 MESH_SUFFIXES = (".glb", ".gltf", ".ply", ".obj")
@@ -79,14 +81,9 @@ def read_meshes(
         raise MeshError(f"{name}: is empty")
     try:
         if suffix in (".glb", ".gltf"):
-            check_document(document_of_glb(data) if suffix == ".glb" else parse_document(data), max_triangles)
-        elif suffix == ".ply":
-            _check_ply(data, max_triangles)
-        import trimesh  # takes longer to import than all the rest
-
-        resolver: Any = _Beside(folder, name)
-        scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=resolver, process=False)
-        meshes = _objects(scene, name, up, linear=suffix in (".glb", ".gltf"), max_triangles=max_triangles)
+            meshes = _gltf(data, name, up, folder, max_triangles)
+        else:
+            meshes = _by_trimesh(data, name, up, folder, max_triangles)
     except (MeshError, MemoryError):
         raise
     except (GltfError, _MissingFileError) as error:
@@ -99,6 +96,40 @@ def read_meshes(
     if not any(len(mesh.triangles) for mesh in meshes):
         raise MeshError(f"{name}: holds no triangles; export it as a triangle mesh, not as points or lines")
     return meshes
+
+
+def _gltf(data: bytes, name: str, up: UpAxis, folder: Path | None, max_triangles: int) -> list[Mesh]:
+    binary: bytes | None = None
+    if PurePosixPath(name).suffix.lower() == ".glb":
+        document, binary = split_glb(data)
+    else:
+        document = parse_document(data)
+    check_document(document, max_triangles)
+    turn = _Z_UP if up == "y" else np.eye(3)
+    meshes: list[Mesh] = []
+    taken: set[str] = set()
+    for one in read_objects(document, GltfData(document, binary, _Beside(folder, name).get), _sampled):
+        if len(one.positions) == 0:
+            continue
+        normals = None if one.normals is None else one.normals @ turn.T
+        albedo = DEFAULT_ALBEDO if one.colours is None else one.colours
+        meshes.append(_mesh(name, _unique(one.name, taken), one.positions @ turn.T, one.triangles, normals, albedo))
+    return meshes
+
+
+def _mesh(
+    file: str,
+    title: str,
+    positions: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    normals: NDArray[np.float64] | None,
+    albedo: NDArray[np.float64] | float,
+) -> Mesh:
+    try:
+        with np.errstate(over="ignore"):  # what is too large for float32 is not finite, and is refused as that
+            return make_mesh(title, positions, triangles, normals, albedo)
+    except ValueError as error:
+        raise MeshError(f"{file}: object {title!r}: {error}; repair it in a modelling program") from None
 
 
 class _MissingFileError(Exception):
@@ -153,38 +184,49 @@ def _check_ply(data: bytes, max_triangles: int) -> None:
                 raise GltfError(f"has {count} triangles; at most {max_triangles} are read: simplify it")
 
 
-def _objects(scene: Any, name: str, up: UpAxis, linear: bool, max_triangles: int) -> list[Mesh]:  # noqa: ANN401
-    """Return the meshes of a trimesh scene, one for each use of a geometry, in the order of the file."""
-    turn = _Z_UP if up == "y" else np.eye(3)
-    uses = [(node, *scene.graph[node]) for node in scene.graph.nodes_geometry]
-    uses = [(matrix, key) for _, matrix, key in uses if hasattr(scene.geometry[key], "faces")]
-    # Nodes come in no order of the file's; geometries do.
-    order = {key: number for number, key in enumerate(scene.geometry)}
-    uses.sort(key=lambda use: order[use[1]])
-    total = sum(len(scene.geometry[key].faces) for _, key in uses)
+def _by_trimesh(data: bytes, name: str, up: UpAxis, folder: Path | None, max_triangles: int) -> list[Mesh]:
+    """Return the meshes of a PLY or OBJ file, in the order of the file."""
+    import trimesh  # takes longer to import than all the rest
+
+    suffix, stem = PurePosixPath(name).suffix.lower(), PurePosixPath(name).stem
+    if suffix == ".ply":
+        _check_ply(data, max_triangles)
+    resolver: Any = _Beside(folder, name)
+    options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" else {}
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=resolver, process=False, **options)
+    found = {key: geometry for key, geometry in scene.geometry.items() if hasattr(geometry, "faces")}
+    if suffix == ".obj":
+        order = _obj_objects(data)
+        found = dict(sorted(found.items(), key=lambda item: order.get(item[0], order.get(_plain(item[0]), len(order)))))
+    elif len(found) == 1:
+        found = {stem: next(iter(found.values()))}
+    total = sum(len(geometry.faces) for geometry in found.values())
     if total > max_triangles:
         raise MeshError(f"{name}: has {total} triangles; at most {max_triangles} are read: simplify it")
+    turn = _Z_UP if up == "y" else np.eye(3)
     meshes: list[Mesh] = []
     taken: set[str] = set()
-    for matrix, key in uses:
-        geometry = scene.geometry[key]
+    for key, geometry in found.items():
         if len(geometry.vertices) == 0:
             continue
-        linear_part = turn @ np.asarray(matrix, np.float64)[:3, :3]
-        positions = np.asarray(geometry.vertices, np.float64) @ linear_part.T + turn @ np.asarray(matrix)[:3, 3]
-        title = _unique(str(key), taken)
-        try:
-            mesh = make_mesh(
-                title,
-                positions,
-                _triangles(geometry, linear_part),
-                _normals(geometry, linear_part),
-                _albedo(geometry, linear),
-            )
-        except ValueError as error:
-            raise MeshError(f"{name}: object {title!r}: {error}; repair it in a modelling program") from None
-        meshes.append(mesh)
+        # trimesh makes normals up when asked; those that came with the file are in its cache.
+        own = np.asarray(geometry.vertex_normals, np.float64) if "vertex_normals" in geometry._cache else None
+        positions = np.asarray(geometry.vertices, np.float64) @ turn.T
+        normals = None if own is None else own @ turn.T
+        triangles = np.asarray(geometry.faces, np.int64)
+        meshes.append(_mesh(name, _unique(str(key), taken), positions, triangles, normals, _albedo(geometry)))
     return meshes
+
+
+def _obj_objects(data: bytes) -> dict[str, int]:
+    """Return the objects of an OBJ file by name, numbered as they come."""
+    names = [line[2:].decode(errors="replace").strip() for line in data.splitlines() if line.startswith(b"o ")]
+    return {name: number for number, name in enumerate(dict.fromkeys(names))}
+
+
+def _plain(key: str) -> str:
+    """Return an object's name; trimesh numbers those that have several materials."""
+    return key.rpartition("_")[0]
 
 
 def _unique(wanted: str, taken: set[str]) -> str:
@@ -196,48 +238,35 @@ def _unique(wanted: str, taken: set[str]) -> str:
     return title
 
 
-def _triangles(geometry: Any, placed: NDArray[np.float64]) -> NDArray[np.int64]:  # noqa: ANN401
-    """Return the corners; a mirror image runs round the other way (glTF 2.0 §3.7.4)."""
-    triangles = np.asarray(geometry.faces, np.int64)
-    return triangles[:, ::-1] if np.linalg.det(placed) < 0 else triangles
-
-
-def _normals(geometry: Any, placed: NDArray[np.float64]) -> NDArray[np.float64] | None:  # noqa: ANN401
-    """Return the file's own normals in world axes, or None where it has none."""
-    # trimesh makes normals up when asked; those that came with the file are in its cache.
-    if "vertex_normals" not in geometry._cache:
-        return None
-    normals = np.asarray(geometry.vertex_normals, np.float64)
-    # Normals go by the cofactors (det · inverse transpose), which also serve where a scale is zero.
-    cofactors = np.stack([np.cross(placed[(i + 1) % 3], placed[(i + 2) % 3]) for i in range(3)])
-    return np.asarray(normals @ cofactors.T * (-1 if np.linalg.det(placed) < 0 else 1))
-
-
-def _albedo(geometry: Any, linear: bool) -> NDArray[np.float64]:  # noqa: ANN401
+def _albedo(geometry: Any) -> NDArray[np.float64]:  # noqa: ANN401
     """Return the albedo of each vertex, ``(V, 3)`` linear."""
     count, visual = len(geometry.vertices), geometry.visual
     albedo = np.ones((count, 3))
     known = False
     material = getattr(visual, "material", None)
-    if material is not None:
-        factor = getattr(material, "baseColorFactor", None)
-        if factor is None:
-            factor = getattr(material, "diffuse", None)
-        if factor is not None:
-            albedo *= _fractions(factor)[:3]
+    # Where a file names no material that can be had, trimesh makes a dark one up, with nothing of a file's in it.
+    if material is not None and getattr(material, "kwargs", None) != {}:
+        if material.diffuse is not None:
+            albedo *= _fractions(material.diffuse)[:3]
             known = True
-        picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-        if picture is not None and visual.uv is not None and len(visual.uv) == count:
-            albedo *= _sampled(picture, np.asarray(visual.uv, np.float64))
+        if material.image is not None and visual.uv is not None and len(visual.uv) == count:
+            albedo *= _sampled(material.image, np.asarray(visual.uv, np.float64))
             known = True
-    colours = _vertex_colours(visual)
+    colours = _vertex_colours(geometry)
     if colours is not None and len(colours) == count:
-        albedo *= _fractions(colours)[:, :3] if linear else _linear(_fractions(colours)[:, :3])
+        albedo *= _linear(_fractions(colours)[:, :3])
         known = True
     return albedo if known else np.full((count, 3), DEFAULT_ALBEDO)
 
 
-def _vertex_colours(visual: Any) -> NDArray[Any] | None:  # noqa: ANN401
+def _vertex_colours(geometry: Any) -> NDArray[Any] | None:  # noqa: ANN401
+    # trimesh would make bytes of them, and zeros of 16 bits.
+    raw = geometry.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+    if raw is not None and not isinstance(raw, dict) and {"red", "green", "blue"} <= set(raw.dtype.names or ()):
+        return np.stack([raw[channel] for channel in ("red", "green", "blue")], axis=1).reshape(-1, 3)
+    if isinstance(raw, dict) and {"red", "green", "blue"} <= set(raw):
+        return np.stack([np.ravel(raw[channel]) for channel in ("red", "green", "blue")], axis=1)
+    visual = geometry.visual
     if getattr(visual, "kind", None) in ("vertex", "face"):
         return np.asarray(visual.vertex_colors)
     extra = getattr(visual, "vertex_attributes", {}).get("color")

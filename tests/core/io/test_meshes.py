@@ -104,16 +104,42 @@ def test_gltf_reads_its_buffers_from_its_folder_only(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(data)
     (found,) = load_meshes(tmp_path / "model.gltf")
     np.testing.assert_allclose(found.positions, [[0, 0, 0], [1, 0, 0], [0, 0, 1]])
-    buffer = next(name for name in files if name.endswith(".bin"))
     inner = tmp_path / "inner"
     inner.mkdir()
     text = (tmp_path / "model.gltf").read_text()
-    (inner / "model.gltf").write_text(text.replace(buffer, f"../{buffer}"))
+    (inner / "model.gltf").write_text(text.replace("gltf_buffer", "../gltf_buffer"))
     with pytest.raises(MeshError, match="lies outside its folder; put it beside"):
         load_meshes(inner / "model.gltf")
     (inner / "model.gltf").write_text(text)
     with pytest.raises(MeshError, match=r"missing or too large; put it beside"):
         load_meshes(inner / "model.gltf")
+
+
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\n"
+
+
+def test_an_obj_without_its_materials_is_no_darker() -> None:
+    """Pages send one file: the materials beside it are not there, the coordinates of their pictures are."""
+    for text in ("f 1/1 2/1 3/1 4/1\n", "mtllib gone.mtl\nusemtl red\nf 1/1 2/1 3/1\n"):
+        assert read_meshes((SQUARE + text).encode(), "t.obj")[0].albedo == pytest.approx(0.8)
+
+
+def test_an_obj_keeps_its_objects_apart_and_in_order() -> None:
+    text = SQUARE + "o tall one\nf 1/1 2/1 3/1\no b\nf -4/1 -2/1 -1/1\no a\nf 1/1 2/1 4/1\n"
+    found = read_meshes(text.encode(), "t.obj")
+    assert [(mesh.name, len(mesh.positions)) for mesh in found] == [("tall one", 3), ("b", 3), ("a", 3)]
+    np.testing.assert_allclose(found[1].positions, [[0, 0, 0], [1, 0, 1], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(("kind", "value"), [("uchar", 188), ("ushort", 48316), ("float", 0.7373)])
+def test_a_ply_has_colours_of_any_width(kind: str, value: float) -> None:
+    properties = "".join(f"property {kind} {channel}\n" for channel in ("red", "green", "blue"))
+    head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = "".join(f"{x} {y} 0 {value} {value} {value}\n" for x, y in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    (found,) = read_meshes((head + properties + faces + rows + "4 0 1 2 3\n").encode(), "wall.ply")
+    assert (found.name, len(found.triangles)) == ("wall", 2)
+    assert found.albedo == pytest.approx(0.503, abs=2e-3)
 
 
 def test_mistakes_name_file_and_remedy(tmp_path: Path) -> None:

@@ -1,0 +1,179 @@
+"""The objects of a glTF file (glTF 2.0), each where its nodes put it, with skins and morph targets at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.io.gltf_check import STRIP, TRIANGLE_MODES, TRIANGLES, GltfError
+from lightwell.io.gltf_colours import Sample, base_colours
+from lightwell.io.gltf_data import GltfData
+
+
+class GltfObject(NamedTuple):
+    """One use of one primitive, +Y up as in the file."""
+
+    name: str
+    positions: NDArray[np.float64]
+    """``(V, 3)`` metres."""
+    triangles: NDArray[np.int64]
+    """``(F, 3)``; front is where they run counter-clockwise."""
+    normals: NDArray[np.float64] | None
+    """``(V, 3)``, of any length; None where the file has none."""
+    colours: NDArray[np.float64] | None
+    """``(V, 3)`` linear, or None where the file says nothing."""
+
+
+def read_objects(document: Mapping[str, Any], data: GltfData, sample: Sample) -> Iterator[GltfObject]:
+    """Yield the triangle meshes of the scene, mesh after mesh in the file's order and use after use in its nodes'.
+
+    Raises
+    ------
+    GltfError
+        Where data are missing or contradict each other; other errors where the document does.
+    """
+    nodes = document.get("nodes", [])
+    places = _places(document)
+    uses = [(nodes[index]["mesh"], index) for index in places if "mesh" in nodes[index]]
+    uses.sort(key=lambda use: use[0])
+    for mesh_index, node_index in uses:
+        mesh, node = document["meshes"][mesh_index], nodes[node_index]
+        name = str(mesh.get("name") or node.get("name") or "object")
+        skin = document["skins"][node["skin"]] if "skin" in node else None
+        weights = node.get("weights", mesh.get("weights", ()))
+        for primitive in mesh["primitives"]:
+            if primitive.get("mode", TRIANGLES) not in TRIANGLE_MODES or "POSITION" not in primitive["attributes"]:
+                continue
+            yield _object(document, data, primitive, name, weights, places, places[node_index], skin, sample)
+
+
+def _object(
+    document: Mapping[str, Any],
+    data: GltfData,
+    primitive: Mapping[str, Any],
+    name: str,
+    weights: Any,  # noqa: ANN401
+    places: Mapping[int, NDArray[np.float64]],
+    place: NDArray[np.float64],
+    skin: Mapping[str, Any] | None,
+    sample: Sample,
+) -> GltfObject:
+    attributes = primitive["attributes"]
+    positions = data.numbers(attributes["POSITION"], 3)
+    normals = data.numbers(attributes["NORMAL"], 3) if "NORMAL" in attributes else None
+    for weight, target in zip(weights, primitive.get("targets", ()), strict=False):
+        if weight and "POSITION" in target:
+            positions = positions + weight * data.numbers(target["POSITION"], 3)
+        if weight and "NORMAL" in target and normals is not None:
+            normals = normals + weight * data.numbers(target["NORMAL"], 3)
+    triangles = _triangles(data, primitive, len(positions))
+    colours = base_colours(document, data, primitive, len(positions), sample)
+    if skin is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
+        # The joints alone say where a skin is; the node that holds it does not (glTF 2.0 §3.7.3.3).
+        matrices = _skinned(data, skin, attributes, places)
+        turns = matrices[:, :3, :3]
+        positions = np.einsum("vij,vj->vi", turns, positions) + matrices[:, :3, 3]
+        # Mixtures of turns have no inverse to rely on: as renderers do, normals go like the surface.
+        normals = None if normals is None else np.einsum("vij,vj->vi", turns, normals)
+        mirrored = len(turns) > 0 and bool(np.median(np.linalg.det(turns)) < 0)
+    else:
+        turn = place[:3, :3]
+        mirrored = bool(np.linalg.det(turn) < 0)
+        positions = positions @ turn.T + place[:3, 3]
+        # Normals go by the cofactors (det · inverse transpose), which also serve where a scale is 0.
+        cofactors = np.stack([np.cross(turn[(i + 1) % 3], turn[(i + 2) % 3]) for i in range(3)])
+        normals = None if normals is None else normals @ cofactors.T * (-1 if mirrored else 1)
+    if mirrored:  # a mirror image runs round the other way (§3.7.4)
+        triangles = triangles[:, ::-1]
+    return GltfObject(name, positions, triangles, normals, colours)
+
+
+def _triangles(data: GltfData, primitive: Mapping[str, Any], vertices: int) -> NDArray[np.int64]:
+    """Return the corners of a list, a strip or a fan of triangles, ``(F, 3)``."""
+    if "indices" in primitive:
+        corners = data.accessor(primitive["indices"])[:, 0].astype(np.int64)
+    else:
+        corners = np.arange(vertices)
+    mode = primitive.get("mode", TRIANGLES)
+    if mode == TRIANGLES:
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+    count = max(0, len(corners) - 2)
+    following = np.arange(count)
+    if mode == STRIP:
+        odd = following % 2
+        return np.stack([corners[following], corners[following + 1 + odd], corners[following + 2 - odd]], axis=1)
+    return np.stack([corners[following + 1], corners[following + 2], np.repeat(corners[:1], count)], axis=1)
+
+
+def _skinned(
+    data: GltfData, skin: Mapping[str, Any], attributes: Mapping[str, int], places: Mapping[int, NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return where each vertex is put by its joints, ``(V, 4, 4)``."""
+    joints = skin["joints"]
+    if any(joint not in places for joint in joints):
+        raise GltfError("has a skin whose joints are not in the scene; export it without animation")
+    matrices = np.stack([places[joint] for joint in joints])
+    if "inverseBindMatrices" in skin:
+        inverse = data.numbers(skin["inverseBindMatrices"], 16).reshape(-1, 4, 4).transpose(0, 2, 1)
+        if len(inverse) < len(joints):
+            raise GltfError(f"has {len(joints)} joints and {len(inverse)} inverse bind matrices; export it again")
+        matrices = matrices @ inverse[: len(joints)]
+    total: NDArray[np.float64] | None = None
+    shares = 0.0
+    for group in range(8):
+        if f"JOINTS_{group}" not in attributes or f"WEIGHTS_{group}" not in attributes:
+            break
+        which = data.accessor(attributes[f"JOINTS_{group}"])
+        weights = data.numbers(attributes[f"WEIGHTS_{group}"], 4)
+        if len(which) and int(which.max()) >= len(joints):
+            raise GltfError(f"names joint {which.max()} of {len(joints)}; export it again")
+        for lane in range(4):
+            part = weights[:, lane, None, None] * matrices[which[:, lane]]
+            total = part if total is None else total + part
+        shares = shares + weights.sum(axis=1)
+    assert total is not None
+    # Vertices that belong to no joint stay where they are; weights of bytes do not quite add up to one.
+    free = np.asarray(shares) <= 0
+    total[free] = np.eye(4)
+    return np.asarray(total / np.where(free, 1.0, shares)[:, None, None])
+
+
+def _places(document: Mapping[str, Any]) -> dict[int, NDArray[np.float64]]:
+    """Return where each node of the scene is, ``(4, 4)``, in the order in which it is come by from the roots."""
+    nodes = document.get("nodes", [])
+    scenes = document.get("scenes", [])
+    if scenes:
+        roots = scenes[document.get("scene", 0)].get("nodes", [])
+    else:
+        below = {child for node in nodes for child in node.get("children", ())}
+        roots = [index for index in range(len(nodes)) if index not in below]
+    found: dict[int, NDArray[np.float64]] = {}
+    waiting = [(root, np.eye(4)) for root in reversed(roots)]
+    while waiting:
+        index, above = waiting.pop()
+        if index in found or not 0 <= index < len(nodes):
+            raise GltfError("has nodes that are missing, have two parents or lie in a circle; export it again")
+        found[index] = above @ _own_place(nodes[index])
+        waiting += [(child, found[index]) for child in reversed(nodes[index].get("children", []))]
+    return found
+
+
+def _own_place(node: Mapping[str, Any]) -> NDArray[np.float64]:
+    if "matrix" in node:
+        return np.asarray(node["matrix"], np.float64).reshape(4, 4).T  # columns after each other
+    place = np.eye(4)
+    x, y, z, w = np.asarray(node.get("rotation", (0, 0, 0, 1)), np.float64)
+    length = x * x + y * y + z * z + w * w
+    if length > 0:
+        s = 2 / length
+        place[:3, :3] = [
+            [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+            [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
+            [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
+        ]
+    place[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64)
+    place[:3, 3] = np.asarray(node.get("translation", (0, 0, 0)), np.float64)
+    return place
