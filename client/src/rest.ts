@@ -73,6 +73,8 @@ export interface Job {
   id: string;
   kind: string;
   state: JobState;
+  /** Smaller is sooner; 100 where nothing was said. */
+  priority: number;
   settings: JsonObject;
   progress: Progress | null;
   attempts: number;
@@ -98,9 +100,15 @@ export interface Estimate {
   reason: string | null;
 }
 
+/** Jobs, newest first, and the cursor of those that follow. */
 export interface JobPage {
   jobs: Job[];
   next: string | null;
+}
+
+export interface JobFilter {
+  state?: string;
+  kind?: string;
 }
 
 export const FINISHED: readonly JobState[] = ["cancelled", "failed", "succeeded"];
@@ -109,7 +117,7 @@ export function jobKinds(): Promise<JobKind[]> {
   return ask("job-kinds");
 }
 
-export function listJobs(query: { cursor?: string; limit?: number; state?: string; kind?: string } = {}): Promise<JobPage> {
+export function listJobs(query: JobFilter & { cursor?: string; limit?: number } = {}): Promise<JobPage> {
   const parameters = Object.entries(query).map(([name, value]) => `${name}=${encodeURIComponent(String(value))}`);
   return ask(`jobs?${parameters.join("&")}`);
 }
@@ -118,8 +126,19 @@ export function getJob(id: string): Promise<Job> {
   return ask(`jobs/${id}`);
 }
 
-export function submitJob(kind: string, settings: JsonObject): Promise<Job> {
-  return ask("jobs", { method: "POST", body: { kind, settings } });
+export interface Submission {
+  /** Smaller is sooner. */
+  priority?: number;
+  /** The same key again gives the same job, and not another. */
+  key?: string;
+}
+
+export function submitJob(kind: string, settings: JsonObject, { priority, key }: Submission = {}): Promise<Job> {
+  return ask("jobs", {
+    method: "POST",
+    body: { kind, settings, ...(priority === undefined ? {} : { priority }) },
+    ...(key === undefined ? {} : { headers: { "Idempotency-Key": key } }),
+  });
 }
 
 export function estimateJob(kind: string, settings: JsonObject): Promise<Estimate> {
@@ -218,8 +237,12 @@ export interface Upload {
   name: string;
   bytes: number;
   sha256: string;
+  created: number;
   vertices: number | null;
   triangles: number | null;
+  objects: string[] | null;
+  width: number | null;
+  height: number | null;
   /** What `POST /streams` takes as the source of a map. */
   source: string | null;
 }
@@ -227,4 +250,8 @@ export interface Upload {
 /** The uploads, newest first, and how large one may be. */
 export function listUploads(): Promise<{ uploads: Upload[]; max_bytes: number }> {
   return ask("uploads");
+}
+
+export async function deleteUpload(id: string): Promise<void> {
+  await send(`uploads/${encodeURIComponent(id)}`, { method: "DELETE" });
 }

@@ -15,7 +15,9 @@ export const grids = signal<GridSummary[] | null>(null);
 export const gridsProblem = signal("");
 /** Finished transfer jobs, newest first. */
 export const transfers = signal<Job[]>([]);
-export const uploads = signal<Upload[]>([]);
+/** What was sent to the server, newest first; `null` before it has been asked. */
+export const uploads = signal<Upload[] | null>(null);
+export const uploadsProblem = signal("");
 /** Largest file that the server takes, bytes; `null`: not known. */
 export const largestUpload = signal<number | null>(null);
 
@@ -47,7 +49,10 @@ export async function refreshResults(): Promise<void> {
       },
       (error: unknown) => (gridsProblem.value = words(error)),
     ),
-    refreshObjects().catch(() => undefined), // the list of grids says what is wrong
+    refreshObjects().then(
+      () => (uploadsProblem.value = ""),
+      (error: unknown) => (uploadsProblem.value = words(error)),
+    ),
   ]);
 }
 
@@ -64,6 +69,5 @@ async function refreshObjects(): Promise<void> {
 export function subjectOf(job: Job): string {
   const { capture, mesh } = job.settings;
   const given = typeof capture === "string" ? capture : typeof mesh === "string" ? mesh : "";
-  // The server puts the file's place where an upload's id was given; the id is a folder in it.
-  return uploads.value.find(({ id }) => given.split("/").includes(id))?.name ?? baseName(given);
+  return uploads.value?.find(({ id }) => id === given)?.name ?? baseName(given);
 }

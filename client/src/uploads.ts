@@ -1,47 +1,25 @@
 // Files that are brought to the page: a mesh is uploaded, its transfer computed, and the object shown; a map becomes a
 // stream that is followed.
 
-import { signal } from "@preact/signals";
-
 import { ApiError, apiUrl, problemError, words } from "./api.ts";
+import { add, find, forget, newArrival, newKey, recall, update, type Arrival } from "./arrivals.ts";
 import { kindOfFile, refusal, streamName } from "./files.ts";
 import { cancel, submit, whenFinished } from "./jobs/store.ts";
 import { largestUpload, refreshResults } from "./results.ts";
-import { createStream, type Upload } from "./rest.ts";
+import { createStream, getJob, listStreams, listUploads, type Job, type JsonObject, type Upload } from "./rest.ts";
 import { chooseStream } from "./session.ts";
 import { change } from "./view.ts";
-
-export type Phase = "waiting" | "uploading" | "computing" | "ready" | "failed" | "cancelled";
-
-/** One file on its way. */
-export interface Arrival {
-  key: number;
-  name: string;
-  kind: "mesh" | "map";
-  phase: Phase;
-  /** How much of it has been sent, 0 … 1. */
-  sent: number;
-  /** The transfer job, once there is one. */
-  job: string | null;
-  /** The name of the stream that a map has become. */
-  stream: string | null;
-  /** Whether it is, or was, put into the picture when it was ready. */
-  shown: boolean;
-  problem: string;
-  /** Whether trying again may help: not where the file itself is refused. */
-  again: boolean;
-}
 
 /** Something has to stand on something for its shadow to be seen. */
 const ON_A_TABLE = { ground: true, ground_radius: 2 };
 /** What is in the picture needs no words for long. */
 const SHOWN_MS = 10_000;
+/** A file that had been sent when the page was left may still be looked at by the server. */
+const INSPECTION_POLLS = 10;
+const POLL_MS = 1000;
 
-export const arrivals = signal<readonly Arrival[]>([]);
-
-const aborts = new Map<number, AbortController>();
-const files = new Map<number, File>();
-let lastKey = 0;
+const aborts = new Map<string, AbortController>();
+const files = new Map<string, File>();
 
 /** Take files, one upload after the other. The first mesh and the first map of them are shown when they are ready. */
 export function takeFiles(chosen: readonly File[]): void {
@@ -50,56 +28,63 @@ export function takeFiles(chosen: readonly File[]): void {
   for (const file of chosen) {
     const kind = kindOfFile(file.name);
     const problem = refusal(file.name, file.size, largestUpload.peek());
-    const arrival: Arrival = {
-      key: ++lastKey,
-      name: file.name,
-      kind,
-      phase: problem === "" ? "waiting" : "failed",
-      sent: 0,
-      job: null,
-      stream: null,
-      shown: problem === "" && !seen.has(kind),
-      problem,
-      again: false,
-    };
+    const phase = problem === "" ? "waiting" : "failed";
+    const arrival = newArrival(file.name, kind, { bytes: file.size, phase, problem, shown: problem === "" && !seen.has(kind) });
     if (problem === "") {
       seen.add(kind);
       files.set(arrival.key, file);
     }
     taken.push(arrival);
   }
-  arrivals.value = [...arrivals.value, ...taken];
+  add(taken);
   for (const arrival of taken) if (arrival.phase === "waiting") start(arrival.key);
 }
 
 /** Refuse what is no file at all. */
 export function refuseFolder(name: string): void {
-  const problem = "Folders are not taken: drop the files that lie in it.";
-  const refused = { kind: "mesh", phase: "failed", sent: 0, job: null, stream: null, shown: false, again: false } as const;
-  arrivals.value = [...arrivals.value, { key: ++lastKey, name, ...refused, problem }];
+  add([newArrival(name, "mesh", { phase: "failed", problem: "Folders are not taken: drop the files that lie in it." })]);
+}
+
+/** Go on with what was on its way when the page was left. */
+export function resumeArrivals(): void {
+  for (const arrival of recall(sessionStorage)) {
+    const { key } = arrival;
+    run(key, async () => {
+      if (arrival.job !== null) return await followJob(key, await getJob(arrival.job));
+      await finish(key, await findSent(arrival));
+    });
+  }
 }
 
 let queue: Promise<void> = Promise.resolve();
 
-function start(key: number): void {
-  const abort = new AbortController();
-  aborts.set(key, abort);
+function start(key: string): void {
   update(key, { phase: "waiting", sent: 0, problem: "", job: null });
-  const uploaded = queue.then(() => bring(key, abort.signal));
-  // The next upload begins when this one has been sent; jobs wait in the server's queue.
-  queue = uploaded.then(
-    () => undefined,
-    () => undefined,
-  );
-  void uploaded
-    .then((upload) => (find(key)?.kind === "map" ? makeStream(key, upload) : makeObject(key, upload)))
-    .catch((error: unknown) => {
-      if (abort.signal.aborted) update(key, { phase: "cancelled", again: true });
-      else update(key, { phase: "failed", problem: withoutName(words(error), find(key)?.name ?? ""), again: mayPass(error) });
-    });
+  run(key, async (signal) => {
+    const uploaded = queue.then(() => bring(key, signal));
+    // The next upload begins when this one has been sent; jobs wait in the server's queue.
+    queue = uploaded.then(
+      () => undefined,
+      () => undefined,
+    );
+    await finish(key, await uploaded);
+  });
 }
 
-async function bring(key: number, signal: AbortSignal): Promise<Upload> {
+/** Do something for a file, and say on its line how it failed where it does. */
+function run(key: string, work: (signal: AbortSignal) => Promise<void>): void {
+  const abort = new AbortController();
+  aborts.set(key, abort);
+  work(abort.signal).catch((error: unknown) => {
+    if (abort.signal.aborted) update(key, { phase: "cancelled", again: canStart(key) });
+    else {
+      const problem = withoutName(words(error), find(key)?.name ?? "");
+      update(key, { phase: "failed", problem, again: mayPass(error) && canStart(key) });
+    }
+  });
+}
+
+async function bring(key: string, signal: AbortSignal): Promise<Upload> {
   signal.throwIfAborted();
   update(key, { phase: "uploading" });
   let toldMs = 0;
@@ -111,35 +96,63 @@ async function bring(key: number, signal: AbortSignal): Promise<Upload> {
   });
 }
 
-async function makeObject(key: number, upload: Upload): Promise<void> {
+/** What the server has of a file that was being sent when the page was left. */
+async function findSent({ key, upload, sent, name, bytes }: Arrival): Promise<Upload> {
+  for (let poll = 0; poll < (sent < 1 ? 1 : INSPECTION_POLLS); poll++) {
+    if (poll > 0) await new Promise((resolve) => setTimeout(resolve, POLL_MS));
+    if (find(key) === undefined) break; // dismissed meanwhile
+    const { uploads } = await listUploads();
+    const found = uploads.find((one) => (upload === null ? one.name === name && one.bytes === bytes : one.id === upload));
+    if (found !== undefined) return found;
+  }
+  throw new Error("The page was left before the file had been sent: drop it again.");
+}
+
+/** Make of an upload what it is for. */
+async function finish(key: string, upload: Upload): Promise<void> {
+  update(key, { upload: upload.id });
+  if (find(key)?.kind === "map") await makeStream(key, upload);
+  else await makeObject(key, upload);
+}
+
+async function makeObject(key: string, upload: Upload): Promise<void> {
   if (upload.kind !== "mesh") throw new Error("The server took this for a map, not for a mesh.");
-  const { id } = await submit("prt-transfer", { mesh: upload.id, ...ON_A_TABLE });
-  update(key, { phase: "computing", job: id });
   void refreshResults(); // so that the job is called by the file's name
+  // Whoever comes back after a reload finds the job that was submitted in the last moment.
+  await followJob(key, await submit("prt-transfer", { mesh: upload.id, ...ON_A_TABLE }, { key }));
+}
+
+async function followJob(key: string, { id }: Job): Promise<void> {
+  update(key, { phase: "computing", job: id });
   const job = await whenFinished(id);
   if (job.state === "cancelled") {
-    update(key, { phase: "cancelled", again: true });
+    update(key, { phase: "cancelled", again: canStart(key) });
   } else if (job.state === "failed") {
-    update(key, { phase: "failed", problem: job.error ?? "The job failed; its log says more.", again: true });
+    update(key, { phase: "failed", problem: job.error ?? "The job failed; its log says more.", again: canStart(key) });
   } else {
     update(key, { phase: "ready" });
     if (find(key)?.shown) show(key);
   }
 }
 
-async function makeStream(key: number, upload: Upload): Promise<void> {
-  if (upload.source === null) throw new Error("The server took this for a mesh, not for a map.");
-  const name = await createNamed(streamName(upload.name), { source: upload.source });
-  update(key, { phase: "ready", stream: name });
+async function makeStream(key: string, upload: Upload): Promise<void> {
+  update(key, { phase: "ready", stream: await streamOf(upload) });
   if (find(key)?.shown) show(key);
 }
 
+/** The name of a stream that shows a map; it is made where there is none. */
+export async function streamOf({ name, source }: Upload): Promise<string> {
+  if (source === null) throw new Error("The server took this for a mesh, not for a map.");
+  const known = (await listStreams()).find(({ settings }) => settings.source === source);
+  return known?.name ?? (await createNamed(streamName(name), { source }));
+}
+
 /** Make a stream; where its name is taken, with a number after it. */
-async function createNamed(name: string, settings: { source: string }): Promise<string> {
+async function createNamed(name: string, settings: JsonObject): Promise<string> {
   for (let number = 1; ; number++) {
     const tried = number === 1 ? name : `${name}-${number}`;
     try {
-      await createStream(tried, { source: settings.source });
+      await createStream(tried, settings);
       return tried;
     } catch (error) {
       if (!(error instanceof ApiError && error.status === 409 && number < 100)) throw error;
@@ -148,7 +161,7 @@ async function createNamed(name: string, settings: { source: string }): Promise<
 }
 
 /** Put what has arrived into the picture. */
-export function show(key: number): void {
+export function show(key: string): void {
   const arrival = find(key);
   if (arrival?.job != null) change({ object: arrival.job, shadows: true });
   if (arrival?.stream != null) {
@@ -175,29 +188,39 @@ function mayPass(error: unknown): boolean {
   return !(error instanceof ApiError) || error.status === 0 || error.status >= 500;
 }
 
+/** Whether there is what a new beginning needs: the file, or the server's copy. */
+function canStart(key: string): boolean {
+  return files.has(key) || find(key)?.upload != null;
+}
+
 /** Stop an upload, or the job that follows it. */
-export async function stop(key: number): Promise<void> {
+export async function stop(key: string): Promise<void> {
   const job = find(key)?.job;
   aborts.get(key)?.abort();
   if (job != null) await cancel(job).catch((error: unknown) => update(key, { problem: words(error) }));
 }
 
-export function again(key: number): void {
-  if (files.has(key)) start(key);
+/** Try it again, under a new key: the old one stands for a job that has ended. */
+export function again(key: string): void {
+  const old = find(key);
+  if (old === undefined) return;
+  const fresh = { ...old, key: newKey() };
+  const file = files.get(key);
+  dismiss(key);
+  add([fresh]);
+  if (file !== undefined) {
+    files.set(fresh.key, file);
+    start(fresh.key);
+  } else {
+    update(fresh.key, { phase: "uploading", sent: 1, problem: "", job: null });
+    run(fresh.key, async () => finish(fresh.key, await findSent(fresh)));
+  }
 }
 
-export function dismiss(key: number): void {
-  arrivals.value = arrivals.value.filter((arrival) => arrival.key !== key);
+export function dismiss(key: string): void {
+  forget(key);
   aborts.delete(key);
   files.delete(key);
-}
-
-function find(key: number): Arrival | undefined {
-  return arrivals.peek().find((arrival) => arrival.key === key);
-}
-
-function update(key: number, part: Partial<Arrival>): void {
-  arrivals.value = arrivals.peek().map((arrival) => (arrival.key === key ? { ...arrival, ...part } : arrival));
 }
 
 /** Send a file as it is; fetch cannot tell how far it has come. */

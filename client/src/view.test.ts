@@ -8,6 +8,7 @@ const CHANGED: View = {
   grid: "0b5c1e-7.grid-16x16x16",
   object: "0b5c1e-8",
   at: [0.25, -1.5, 2],
+  size: "true",
   gizmo: true,
   sliceAxis: "x",
   slice: 0.125,
@@ -25,6 +26,8 @@ const CHANGED: View = {
   arrow: true,
   panel: false,
   tab: "jobs",
+  jobState: "failed",
+  jobKind: "ilf-grid",
   hud: false,
   theme: "light",
 };
@@ -41,7 +44,7 @@ describe("the view in the address", () => {
 
   it("keeps the default where the address makes no sense", () => {
     const hash = "#ev=bright&camera=1,2&colour=red&gloss=7&bands=9&backdrop=sky&shadows=maybe&exponent=&other=1";
-    const objects = "#object=../x&grid=a/b&at=1,,2&light=sun&slice=2&sliceAxis=w&sampling=no&mirror=-1&tab=none";
+    const objects = "#object=../x&grid=a/b&at=1,,2&light=sun&slice=2&sliceAxis=w&sampling=no&mirror=-1&tab=none&size=7&jobState=lost&jobKind=a b";
     expect(parseView(objects)).toEqual(DEFAULT_VIEW);
     expect(parseView(hash)).toEqual(DEFAULT_VIEW);
   });

@@ -13,8 +13,12 @@ export type Axis = "x" | "y" | "z";
 export type Sampling = "vertex" | "fragment";
 /** The objects that come with the page; any other name is a transfer job. */
 export const OWN_OBJECTS = ["stilllife", "bunny", "sphere"] as const;
-export const TABS = ["scene", "streams", "jobs", "captures", "grids"] as const;
+export const TABS = ["scene", "streams", "jobs", "captures", "grids", "files"] as const;
 export type Tab = (typeof TABS)[number];
+/** How large the object is in a grid: so that it is well seen between the walls, or as it is in metres. */
+export type Size = "fit" | "true";
+/** What of the queue is listed. */
+export const JOB_STATES = ["queued", "running", "cancelled", "failed", "succeeded"] as const;
 
 export interface View {
   /** `null`: the page picks one. */
@@ -26,6 +30,7 @@ export interface View {
   object: string;
   /** Where the object stands in the grid, world metres; `null`: the grid's middle. */
   at: readonly number[] | null;
+  size: Size;
   /** Whether handles are shown that move the object. */
   gizmo: boolean;
   /** Axis that the shown slice of the grid lies across, and where, 0 … 1. */
@@ -50,6 +55,9 @@ export interface View {
   /** `null`: open where the window is wide. */
   panel: boolean | null;
   tab: Tab;
+  /** Jobs that are listed: of this state and kind; `null`: of all. */
+  jobState: (typeof JOB_STATES)[number] | null;
+  jobKind: string | null;
   hud: boolean;
   theme: Theme;
 }
@@ -60,6 +68,7 @@ export const DEFAULT_VIEW: View = {
   grid: null,
   object: "stilllife",
   at: null,
+  size: "fit",
   gizmo: false,
   sliceAxis: "z",
   slice: 0.5,
@@ -77,6 +86,8 @@ export const DEFAULT_VIEW: View = {
   arrow: false,
   panel: null,
   tab: "scene",
+  jobState: null,
+  jobKind: null,
   hud: true,
   theme: "auto",
 };
@@ -124,6 +135,7 @@ const CODECS: { [Key in keyof View]: Codec<NonNullable<View[Key]>> } = {
   grid: id,
   object: id,
   at: numbers(3),
+  size: choice("fit", "true"),
   gizmo: flag,
   sliceAxis: choice("x", "y", "z"),
   slice: number(0, 1, 3),
@@ -141,6 +153,8 @@ const CODECS: { [Key in keyof View]: Codec<NonNullable<View[Key]>> } = {
   arrow: flag,
   panel: flag,
   tab: choice(...TABS),
+  jobState: choice(...JOB_STATES),
+  jobKind: id,
   hud: flag,
   theme: choice("auto", "dark", "light"),
 };

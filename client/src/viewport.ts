@@ -405,7 +405,8 @@ export class Viewport {
       subject?.place(subject.bounds.center, 1);
       return;
     }
-    const radius = radiusInGrid(field.info);
+    const fitting = radiusInGrid(field.info);
+    const radius = value.size === "true" && subject !== null ? subject.bounds.radius : fitting;
     subject?.place(new Vector3(...place), radius / subject.bounds.radius);
     const { gain } = this.lighting.illumination;
     volume.show(field, value.sliceAxis, value.slice, value.probes, { middle: place, radius: 0.9 * radius });

@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.timeout(150)]
 
 SIZE: ViewportSize = {"width": 900, "height": 620}
 NARROW: ViewportSize = {"width": 360, "height": 640}
-TABS = ["Scene", "Streams", "Jobs", "Captures", "Grids"]
+TABS = ["Scene", "Streams", "Jobs", "Captures", "Grids", "Files"]
 
 
 def badge(page: Page, text: str) -> None:

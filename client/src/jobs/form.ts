@@ -5,7 +5,7 @@ import { signal } from "@preact/signals";
 import { ApiError, words, type FieldError } from "../api.ts";
 import { estimateJob, type Estimate, type JsonObject } from "../rest.ts";
 import { change } from "../view.ts";
-import { fieldsOf, settingsOf, type Draft, type Field } from "./schema.ts";
+import { fieldsOf, settingsOf, written, type Draft, type Field } from "./schema.ts";
 import { kinds, loadKinds, submit } from "./store.ts";
 
 export interface JobForm {
@@ -16,7 +16,11 @@ export interface JobForm {
   /** What the settings as they are now would need; `null` before it has been asked. */
   estimate: Estimate | null;
   busy: boolean;
+  /** Smaller is sooner. */
+  priority: number;
 }
+
+export const NORMAL_PRIORITY = 100;
 
 /** `null`: closed. */
 export const form = signal<JobForm | null>(null);
@@ -36,7 +40,7 @@ export function basicOf(kind: string, fields: readonly Field[]): string[] {
 /** Open the form, and the tab that it stands in. */
 export async function openForm(kind: string | null = null, draft: Draft = {}): Promise<void> {
   change({ tab: "jobs", panel: true });
-  form.value = { kind: kind ?? "", draft, errors: [], problem: "", estimate: null, busy: false };
+  form.value = { kind: kind ?? "", draft, errors: [], problem: "", estimate: null, busy: false, priority: NORMAL_PRIORITY };
   try {
     await loadKinds();
   } catch (error) {
@@ -44,6 +48,18 @@ export async function openForm(kind: string | null = null, draft: Draft = {}): P
     return;
   }
   if (form.value?.kind === "") note({ kind: kinds.value?.[0]?.name ?? "" });
+}
+
+/** What would have to be typed to get these settings. */
+export function draftOf(settings: JsonObject, prefix = ""): Draft {
+  const draft: Record<string, string | boolean> = {};
+  for (const [name, value] of Object.entries(settings)) {
+    const path = prefix + name;
+    if (typeof value === "boolean") draft[path] = value;
+    else if (typeof value === "object" && value !== null && !Array.isArray(value)) Object.assign(draft, draftOf(value, `${path}.`));
+    else if (value !== null) draft[path] = written(value);
+  }
+  return draft;
 }
 
 export function closeForm(): void {
@@ -73,7 +89,7 @@ export async function estimate(): Promise<void> {
 export async function submitForm(): Promise<void> {
   const { kind, settings } = typed();
   await attempt(async () => {
-    await submit(kind, settings);
+    await submit(kind, settings, { priority: form.peek()!.priority });
     closeForm();
   });
 }

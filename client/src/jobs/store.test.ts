@@ -6,6 +6,7 @@ const JOB: Job = {
   id: "0123456789",
   kind: "ilf-grid",
   state: "queued",
+  priority: 100,
   settings: {},
   progress: null,
   attempts: 1,

@@ -9,7 +9,6 @@ import {
   deleteJob,
   getJob,
   jobKinds,
-  listJobs,
   retryJob,
   submitJob,
   type Job,
@@ -17,67 +16,75 @@ import {
   type JobState,
   type JsonObject,
   type Progress,
+  type Submission,
 } from "../rest.ts";
 import { view } from "../view.ts";
+import { Listing } from "./listing.ts";
 
 const BUSY_POLL_MS = 3000;
 const IDLE_POLL_MS = 12_000;
 const FLUSH_MS = 250;
-const FIRST_COUNT = 20;
-const MOST = 200;
 /** Browsers open six connections to a server; event streams may not take them all. */
 const MOST_STREAMS = 3;
 
+const newest = new Listing();
+
 export const kinds = signal<JobKind[] | null>(null);
-export const jobs = signal<Job[] | null>(null);
-/** Why the list cannot be had, in words. */
+/** The newest jobs, of every state and kind. */
+export const jobs = newest.jobs;
+/** The jobs that the panel lists: all, or those of a state and kind. */
+export const listed = signal(newest);
+/** Why the lists cannot be had, in words. */
 export const jobsProblem = signal("");
-export const hasMore = signal(false);
 /** Rises whenever a job ends: what lists results reads them again. */
 export const ended = signal(0);
 export const unfinished = computed(() => (jobs.value ?? []).filter((job) => !isFinished(job)));
 
-let wanted = FIRST_COUNT;
 let timer: ReturnType<typeof setTimeout> | undefined;
 
 export function isFinished({ state }: { state: JobState }): boolean {
   return FINISHED.includes(state);
 }
 
-/** Read the list for as long as the page is open. */
+/** Read the lists for as long as the page is open. */
 export function startJobs(): void {
   const poll = async () => {
     if (!document.hidden) await refreshJobs();
     const soon = unfinished.peek().length > 0 || view.peek().tab === "jobs";
+    clearTimeout(timer);
     timer = setTimeout(() => void poll(), soon ? BUSY_POLL_MS : IDLE_POLL_MS);
   };
-  void poll();
-  let tab = view.peek().tab;
-  view.subscribe((next) => {
-    if (next.tab === "jobs" && tab !== "jobs") {
-      clearTimeout(timer);
-      void poll();
-    }
-    tab = next.tab;
+  let shown: string | null = null;
+  view.subscribe(({ tab, jobState, jobKind }) => {
+    const wanted = tab === "jobs" ? `${jobState} ${jobKind}` : null;
+    if (wanted === shown) return;
+    shown = wanted;
+    if (wanted === null) return;
+    const filter = { ...(jobState === null ? {} : { state: jobState }), ...(jobKind === null ? {} : { kind: jobKind }) };
+    listed.value = Object.keys(filter).length === 0 ? newest : new Listing(filter);
+    void poll();
   });
+  if (shown === null) void poll();
 }
 
 export async function refreshJobs(): Promise<void> {
+  await attempt(async () => {
+    for (const listing of listings()) await settle(() => listing.refresh());
+  });
+}
+
+/** Read older jobs. */
+export async function showMore(): Promise<void> {
+  await attempt(() => settle(() => listed.peek().more()));
+}
+
+async function attempt(work: () => Promise<void>): Promise<void> {
   try {
-    const page = await listJobs({ limit: wanted });
-    batch(() => {
-      take(page.jobs);
-      hasMore.value = page.next !== null && wanted < MOST;
-      jobsProblem.value = "";
-    });
+    await work();
+    jobsProblem.value = "";
   } catch (error) {
     jobsProblem.value = words(error);
   }
-}
-
-export function showMore(): void {
-  wanted = Math.min(MOST, 2 * wanted);
-  void refreshJobs();
 }
 
 /** The kinds of jobs; asked for once. */
@@ -85,20 +92,34 @@ export async function loadKinds(): Promise<void> {
   kinds.value ??= await jobKinds();
 }
 
-function take(list: Job[]): void {
-  const before = new Map((jobs.peek() ?? []).map((job) => [job.id, job]));
-  if (list.some((job) => isFinished(job) && before.has(job.id) && !isFinished(before.get(job.id)!))) ended.value++;
-  jobs.value = list.map(withEvents);
-  for (const job of list) {
-    if (!isFinished(job)) followers.get(job.id) ?? (job.state !== "queued" && follow(job.id));
-  }
+function listings(): Listing[] {
+  return listed.peek() === newest ? [newest] : [newest, listed.peek()];
 }
 
-/** Put one job into the list, at its place or at the top. */
+function everyJob(): Job[] {
+  return listings().flatMap((listing) => listing.jobs.peek() ?? []);
+}
+
+/** Change the lists, and do what follows from it: note what has ended, and listen to what runs. */
+async function settle(work: () => Promise<void> | void): Promise<void> {
+  const running = new Set(everyJob().filter((job) => !isFinished(job)).map(({ id }) => id));
+  await work();
+  batch(() => {
+    applyEvents();
+    if (everyJob().some((job) => isFinished(job) && running.has(job.id))) ended.value++;
+  });
+  for (const job of everyJob()) if (!isFinished(job) && job.state !== "queued") follow(job.id);
+}
+
+function applyEvents(): void {
+  for (const { jobs: list } of listings()) if (list.peek() !== null) list.value = list.peek()!.map(withEvents);
+}
+
+/** Put one job into the lists. */
 function put(job: Job): void {
-  const list = jobs.peek() ?? [];
-  const known = list.some(({ id }) => id === job.id);
-  take(known ? list.map((item) => (item.id === job.id ? job : item)) : [job, ...list]);
+  void settle(() => {
+    for (const listing of listings()) listing.put(job);
+  });
 }
 
 /** A job with what its events have said: they are newer than a list, except for a cancellation. */
@@ -120,7 +141,7 @@ const followers = new Map<string, Follower>();
 
 /** Listen to a job's events; the browser resumes after an interruption with the id of the last one. */
 function follow(id: string): void {
-  if (followers.size >= MOST_STREAMS) return;
+  if (followers.has(id) || followers.size >= MOST_STREAMS) return;
   const source = new EventSource(here(`jobs/${id}/events`));
   const follower: Follower = { source, latest: {}, flushTimer: undefined };
   followers.set(id, follower);
@@ -133,7 +154,7 @@ function follow(id: string): void {
     follower.latest = { ...follower.latest, ...part };
     follower.flushTimer ??= setTimeout(() => {
       follower.flushTimer = undefined;
-      jobs.value = (jobs.peek() ?? []).map(withEvents);
+      batch(applyEvents);
     }, FLUSH_MS);
   };
   const read = <T>(event: Event) => JSON.parse((event as MessageEvent<string>).data) as T;
@@ -148,7 +169,7 @@ function follow(id: string): void {
   source.addEventListener("end", (event) => {
     stop();
     const job = read<Job>(event);
-    if ((jobs.peek() ?? []).some((item) => item.id === id)) put(job);
+    if (everyJob().some((item) => item.id === id)) put(job);
     for (const resolve of waiting.get(id) ?? []) resolve(job);
     waiting.delete(id);
   });
@@ -162,7 +183,7 @@ const waiting = new Map<string, ((job: Job) => void)[]>();
 /** Wait until a job has ended. */
 export async function whenFinished(id: string): Promise<Job> {
   for (;;) {
-    if (!followers.has(id)) follow(id);
+    follow(id);
     const told = new Promise<Job>((resolve) => waiting.set(id, [...(waiting.get(id) ?? []), resolve]));
     // Where no event stream is to be had, ask.
     const asked = new Promise<null>((resolve) => setTimeout(() => resolve(null), BUSY_POLL_MS));
@@ -172,8 +193,8 @@ export async function whenFinished(id: string): Promise<Job> {
   }
 }
 
-export async function submit(kind: string, settings: JsonObject): Promise<Job> {
-  const job = await submitJob(kind, settings);
+export async function submit(kind: string, settings: JsonObject, options: Submission = {}): Promise<Job> {
+  const job = await submitJob(kind, settings, options);
   put(job);
   return job;
 }
@@ -188,6 +209,8 @@ export async function retry(id: string): Promise<void> {
 
 export async function remove(id: string): Promise<void> {
   await deleteJob(id);
-  jobs.value = (jobs.peek() ?? []).filter((job) => job.id !== id);
-  ended.value++;
+  batch(() => {
+    for (const listing of listings()) listing.remove(id);
+    ended.value++;
+  });
 }

@@ -6,6 +6,7 @@ import { startJobs } from "../jobs/store.ts";
 import { startResults } from "../results.ts";
 import { live, startSession, streams, streamsProblem } from "../session.ts";
 import { TimeTravel } from "../time.ts";
+import { resumeArrivals } from "../uploads.ts";
 import { TABS, change, view } from "../view.ts";
 import { Viewport } from "../viewport.ts";
 import { DropZone } from "./DropZone.tsx";
@@ -89,6 +90,7 @@ export function App() {
     startSession(viewport, time);
     startJobs();
     startResults();
+    resumeArrivals();
     viewport.start().catch((error: unknown) => {
       failure.value = `The objects could not be loaded: ${(error as Error).message}`;
     });

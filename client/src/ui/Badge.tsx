@@ -1,5 +1,6 @@
 import { live, snapshot, type Snapshot } from "../session.ts";
 import { paused } from "../time.ts";
+import { view, type LightSource } from "../view.ts";
 
 interface Look {
   tone: "good" | "busy" | "bad" | "quiet";
@@ -8,8 +9,27 @@ interface Look {
 
 const WORDS = { starting: "Starting", running: "Stalled", stalled: "Stalled", ended: "Ended", failed: "Failed", stopped: "Stopped" };
 
-/** The connection in one word. */
-export function describe(now: Snapshot | null, isPaused: boolean): Look {
+/** A picture that does not change, shown again and again. */
+const STILL = /^upload:/;
+
+/** The light in a word or two: whose it is, and whether it comes. */
+export function describe(now: Snapshot | null, isPaused: boolean, source: LightSource): Look {
+  if (source === "stream") return describeStream(now, isPaused);
+  const grid = describeGrid(now);
+  if (source === "grid" || grid.tone !== "good") return grid;
+  const stream = describeStream(now, isPaused);
+  return { tone: stream.tone, text: `Grid × ${stream.text.toLowerCase()}` };
+}
+
+function describeGrid(now: Snapshot | null): Look {
+  const grid = now?.grid;
+  if (grid === undefined) return { tone: "busy", text: "Loading the grid" };
+  if (grid.problem !== "") return { tone: "bad", text: "No grid" };
+  if (grid.loading < 1) return { tone: "busy", text: "Loading the grid" };
+  return grid.info === null ? { tone: "quiet", text: "No grid" } : { tone: "good", text: "Grid" };
+}
+
+function describeStream(now: Snapshot | null, isPaused: boolean): Look {
   switch (now?.state) {
     case undefined:
     case "idle":
@@ -25,12 +45,13 @@ export function describe(now: Snapshot | null, isPaused: boolean): Look {
     case "stalled":
       return { tone: "busy", text: WORDS[now.status?.state ?? "stalled"] };
     case "live":
-      return isPaused ? { tone: "quiet", text: "Paused" } : { tone: "good", text: "Live" };
+      if (isPaused) return { tone: "quiet", text: "Paused" };
+      return { tone: "good", text: STILL.test(now.info?.source ?? "") ? "Static" : "Live" };
   }
 }
 
 export function Badge() {
-  const { tone, text } = describe(snapshot.value, paused.value);
+  const { tone, text } = describe(snapshot.value, paused.value, view.value.light);
   return (
     <span class={`badge ${tone}`} role="status" data-testid="badge">
       {text}

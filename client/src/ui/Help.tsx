@@ -17,7 +17,7 @@ const KEYS: [string[], string][] = [
   [["A"], "dominant light"],
   [["H"], "measurements"],
   [["P"], "panel"],
-  [["1", "…", "5"], "its tabs: scene, streams, jobs, captures, grids"],
+  [["1", "…", "6"], "its tabs: scene, streams, jobs, captures, grids, files"],
   [["S"], "screenshot"],
   [["L"], "copy link"],
   [["?"], "this help"],

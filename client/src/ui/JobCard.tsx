@@ -3,6 +3,7 @@ import { useSignal } from "@preact/signals";
 import { here, words } from "../api.ts";
 import { refreshCaptures } from "../captures.ts";
 import { nowMs } from "../clock.ts";
+import { NORMAL_PRIORITY } from "../jobs/form.ts";
 import { cancel, remove, retry, isFinished } from "../jobs/store.ts";
 import { ago, bytes, count, duration, kindTitle } from "../jobs/words.ts";
 import { jobLog, registerCapture, type Job, type JobState, type LogLine } from "../rest.ts";
@@ -24,7 +25,11 @@ const GRID = ".zarr";
 /** The stage, and how fast it goes. */
 function progressWords(job: Job): string {
   const progress = job.progress;
-  if (progress === null) return job.state === "queued" ? "waits for its turn" : "starts";
+  if (progress === null) {
+    if (job.state !== "queued") return "starts";
+    const order = Math.sign(job.priority - NORMAL_PRIORITY);
+    return order === 0 ? "waits for its turn" : `waits, ${order < 0 ? "before" : "after"} others`;
+  }
   const parts = [`${progress.stage} ${count(progress.done)} of ${count(progress.total)}`];
   if (progress.rate > 0) parts.push(`${count(progress.rate)}/s`);
   if (progress.eta_seconds !== null && progress.eta_seconds > 0) parts.push(`${duration(progress.eta_seconds)} left`);

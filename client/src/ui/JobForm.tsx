@@ -1,12 +1,18 @@
 import { useEffect } from "preact/hooks";
 
 import { captures, refreshCaptures } from "../captures.ts";
-import { basicOf, closeForm, estimate, fieldsOfKind, form, note, submitForm } from "../jobs/form.ts";
+import { NORMAL_PRIORITY, basicOf, closeForm, estimate, fieldsOfKind, form, note, submitForm } from "../jobs/form.ts";
 import { kinds } from "../jobs/store.ts";
 import { bytes, duration, kindTitle } from "../jobs/words.ts";
 import { refreshResults, uploads } from "../results.ts";
 import { SchemaForm, type Suggestion } from "./SchemaForm.tsx";
 import { Wrong } from "./controls.tsx";
+
+const ORDERS = [
+  { priority: NORMAL_PRIORITY / 10, label: "before others" },
+  { priority: NORMAL_PRIORITY, label: "in turn" },
+  { priority: NORMAL_PRIORITY * 10, label: "after others" },
+];
 
 function choicesOf(): Record<string, Suggestion[]> {
   const choices: Record<string, Suggestion[]> = {};
@@ -14,7 +20,7 @@ function choicesOf(): Record<string, Suggestion[]> {
   if (known.length > 0) {
     choices["capture"] = known.map(({ id, probes }) => ({ value: id, label: `${id} (${probes} probes)` }));
   }
-  const meshes = uploads.value.filter(({ kind }) => kind === "mesh");
+  const meshes = (uploads.value ?? []).filter(({ kind }) => kind === "mesh");
   if (meshes.length > 0) choices["mesh"] = meshes.map(({ id, name }) => ({ value: id, label: name }));
   return choices;
 }
@@ -62,6 +68,20 @@ export function JobForm() {
         choices={choicesOf()}
         onChange={(draft) => note({ draft, estimate: null })}
       />
+      <div class="field">
+        <label for="job-order">Queued</label>
+        <select
+          id="job-order"
+          value={String(value.priority)}
+          onChange={(event) => note({ priority: Number(event.currentTarget.value) })}
+        >
+          {ORDERS.map(({ priority, label }) => (
+            <option key={priority} value={String(priority)}>
+              {label}
+            </option>
+          ))}
+        </select>
+      </div>
       <Wrong text={value.problem} />
       {need !== null && (
         <dl class="facts" data-testid="estimate">

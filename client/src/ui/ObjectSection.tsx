@@ -2,8 +2,8 @@ import { ACCEPTED } from "../files.ts";
 import { subjectOf, transfers } from "../results.ts";
 import { objectIsComing, objectProblem } from "../session.ts";
 import { takeFiles } from "../uploads.ts";
-import { OWN_OBJECTS, change, view } from "../view.ts";
-import { Meter, Section, Wrong } from "./controls.tsx";
+import { OWN_OBJECTS, change, view, type Size } from "../view.ts";
+import { Choice, Meter, Section, Wrong } from "./controls.tsx";
 import { FileButton } from "./FileButton.tsx";
 
 const LABELS: Record<(typeof OWN_OBJECTS)[number], string> = {
@@ -11,6 +11,11 @@ const LABELS: Record<(typeof OWN_OBJECTS)[number], string> = {
   bunny: "Bunny",
   sphere: "Sphere",
 };
+
+const SIZES: { value: Size; label: string; hint: string }[] = [
+  { value: "fit", label: "Fits", hint: "As large as is well seen between the grid's walls" },
+  { value: "true", label: "True", hint: "As large as it is, in metres" },
+];
 
 /** What is lit: the page's own objects, and meshes whose transfer has been computed. */
 export function ObjectSection() {
@@ -37,6 +42,9 @@ export function ObjectSection() {
       </label>
       {objectIsComing.value && <Meter label="Fetching the object" share={null} />}
       <Wrong text={objectProblem.value} />
+      {view.value.light !== "stream" && (
+        <Choice label="Size in the grid" value={view.value.size} options={SIZES} onChange={(size) => change({ size })} />
+      )}
       <FileButton accept={ACCEPTED} onFiles={takeFiles}>
         Add a mesh or a map…
       </FileButton>

@@ -4,6 +4,7 @@ import type { Commands } from "../commands.ts";
 import { view } from "../view.ts";
 import { Badge, Trouble } from "./Badge.tsx";
 import { CapturesTab } from "./CapturesTab.tsx";
+import { FilesTab } from "./FilesTab.tsx";
 import { GridsTab } from "./GridsTab.tsx";
 import { JobsTab } from "./JobsTab.tsx";
 import { SceneTab } from "./SceneTab.tsx";
@@ -25,6 +26,8 @@ function Body({ commands }: { commands: Commands }) {
       return <CapturesTab />;
     case "grids":
       return <GridsTab />;
+    case "files":
+      return <FilesTab />;
   }
 }
 

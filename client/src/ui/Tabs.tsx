@@ -9,6 +9,7 @@ const LABELS: Record<Tab, string> = {
   jobs: "Jobs",
   captures: "Captures",
   grids: "Grids",
+  files: "Files",
 };
 
 const running = computed(() => unfinished.value.length);

@@ -1,6 +1,7 @@
 import { jobs } from "../jobs/store.ts";
 import { duration } from "../jobs/words.ts";
-import { again, arrivals, dismiss, show, stop, type Arrival } from "../uploads.ts";
+import { arrivals, type Arrival } from "../arrivals.ts";
+import { again, dismiss, show, stop } from "../uploads.ts";
 import { change, view } from "../view.ts";
 import { Meter } from "./controls.tsx";
 
