@@ -6,12 +6,14 @@ import json
 import shutil
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from tests.support.inline_jobs import run_inline
 from tests.support.jobs import digests, executor, wait_for, wait_for_end
 from tests.support.shapes import quad, sphere
@@ -28,7 +30,8 @@ from lightwell_workers.jobs.compute import InlineCompute
 from lightwell_workers.jobs.context import JobCancelled, JobContext
 from lightwell_workers.jobs.directory import JobDirectory
 from lightwell_workers.jobs.events import EventLog, read_events
-from lightwell_workers.jobs.prt_plan import estimate
+from lightwell_workers.jobs.prt_plan import estimate, load_scene
+from lightwell_workers.jobs.prt_tasks import load_direct, save_scene, trace_part
 from lightwell_workers.jobs.prt_transfer import PrtTransfer
 from lightwell_workers.jobs.queue import Queue
 
@@ -157,6 +160,27 @@ def test_the_parts_make_no_difference(tmp_path: Path, mesh: Path) -> None:
     other, _ = run(tmp_path / "other", mesh, **settings | {"checkpoint_seconds": 60})
     for path in one.iterdir():
         assert path.read_bytes() == (other / path.name).read_bytes(), path.name
+
+
+def test_threads_of_a_worker_do_not_disturb_each_other(tmp_path: Path, mesh: Path) -> None:
+    """Workers of a cluster of one's own may have several threads."""
+    settings = PrtTransferSettings(mesh=str(mesh), directions=4096, ground=True, ground_rings=8, ground_segments=12)
+    meshes = load_scene(settings)
+    save_scene(tmp_path / "scene.npz", meshes)
+    document, count = settings.model_dump_json(), sum(len(one.positions) for one in meshes)
+
+    def part(first: int) -> NDArray[np.float32]:
+        out = tmp_path / f"{first}.npz"
+        trace_part(
+            tmp_path / "none", document, "digest", str(tmp_path / "scene.npz"), str(out), first, first + 16, False
+        )
+        return load_direct(out).halves
+
+    firsts = list(range(0, count - 16, 16))
+    alone = [part(first) for first in firsts]
+    with ThreadPoolExecutor(4) as pool:
+        for one, other in zip(alone, pool.map(part, firsts), strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 def test_inside_out_objects_are_told_of(tmp_path: Path) -> None:

@@ -12,15 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.geometry.mesh import Float32s, Mesh
+from lightwell.geometry.mesh import Float32s, Mesh, make_mesh
 from lightwell.geometry.rays import RayScene
+from lightwell.geometry.shapes import box
 from lightwell.job_settings import PrtTransferSettings
-from lightwell.transfer.bounces import gather
-from lightwell.transfer.directions import make_directions
+from lightwell.transfer.bounces import fill_hidden, gather
+from lightwell.transfer.directions import Directions, make_directions
 from lightwell.transfer.surface import Surface, make_surface, merge
 from lightwell.transfer.visibility import HIT, DirectTransfer, Tracer
 from lightwell_workers.jobs.context import stop_if_cancelled
 
+LEAST_DIRECTIONS = 64
 ROWS = 512
 """Vertices whose bounces are gathered between looks at whether the job is to stop."""
 
@@ -29,7 +31,8 @@ class Opened(NamedTuple):
     """The scene of a job in one compute process."""
 
     surface: Surface
-    tracer: Tracer
+    scene: RayScene
+    directions: Directions
 
 
 def save_arrays(path: Path, **arrays: NDArray[Any]) -> None:
@@ -63,22 +66,24 @@ def load_meshes_of(path: Path) -> list[Mesh]:
 
 @lru_cache(maxsize=2)
 def _open(scene: str, document: str, digest: str) -> Opened:
-    """Return the scene of one job; no two threads of a process work on one job."""
+    """Return the scene of one job, which several threads of a process may work on."""
     del digest
     settings = PrtTransferSettings.model_validate_json(document)
     surface = make_surface(load_meshes_of(Path(scene)))
     directions = make_directions(settings.sampling, settings.directions, settings.seed)
-    tracer = Tracer(surface, RayScene([surface.merged]), directions, settings.bands, settings.turn == "vertex")
-    return Opened(surface, tracer)
+    return Opened(surface, RayScene([surface.merged]), directions)
 
 
 def trace_part(
     cancel: Path, document: str, digest: str, scene: str, out: str, first: int, last: int, keep_hits: bool
 ) -> tuple[int, float]:
     """Write the direct transfer of the vertices ``first`` … ``last − 1`` to ``out``; return rays and core seconds."""
+    settings = PrtTransferSettings.model_validate_json(document)
     opened = _open(scene, document, digest)
     started = time.thread_time()
-    found = opened.tracer.direct(first, last, keep_hits, partial(stop_if_cancelled, cancel))
+    # A tracer has room for the rays of one thread; workers of a cluster may have several.
+    tracer = Tracer(opened.surface, opened.scene, opened.directions, settings.bands, settings.turn == "vertex")
+    found = tracer.direct(first, last, keep_hits, partial(stop_if_cancelled, cancel))
     seconds = time.thread_time() - started
     save_arrays(
         Path(out),
@@ -89,6 +94,33 @@ def trace_part(
         rays=np.array(found.rays),
     )
     return found.rays, seconds
+
+
+def compile_kernels(cancel: Path, document: str) -> float:
+    """Go once through all that the job's settings need, on next to nothing; return the seconds that it took.
+
+    On a fresh installation most of a minute goes by while numba compiles; then its cache on disk serves every process.
+    """
+    stop_if_cancelled(cancel)
+    started = time.perf_counter()
+    settings = PrtTransferSettings.model_validate_json(document)
+    _compile(settings.sampling, settings.turn == "vertex", settings.mode == "interreflected")
+    return time.perf_counter() - started
+
+
+@lru_cache
+def _compile(sampling: Sampling, turned: bool, bounces: bool) -> None:
+    outside, inside = box(), box()
+    # The vertices of the inner box see no light: they are asked whether they lie inside a solid, and filled in.
+    inside = make_mesh("inside", inside.positions * np.float32(0.5), inside.triangles, inside.normals, inside.albedo)
+    surface = make_surface([outside, inside])
+    directions = make_directions(sampling, LEAST_DIRECTIONS, 0)
+    tracer = Tracer(surface, RayScene([surface.merged]), directions, 1, turned)
+    count = len(surface.merged.positions)
+    found = tracer.direct(0, count, bounces, lambda: None)
+    filled = fill_hidden(found.halves.sum(axis=1), found.state, surface.merged.triangles)
+    if bounces:
+        gather(found.hits, found.hit_counts, surface.merged.triangles, filled[:, :, None])
 
 
 def load_direct(path: Path) -> DirectTransfer:
