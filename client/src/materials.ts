@@ -1,9 +1,10 @@
 // Surfaces lit by spherical harmonics: a material picks the shader that its mesh and the light need.
 
-import { Color, ShaderMaterial, Texture, Vector2, Vector3, type Data3DTexture, type DataTexture, type IUniform } from "three";
+import { Color, ShaderMaterial, Texture, Vector2, type DataTexture, type IUniform } from "three";
 
-import type { Field } from "./grid/field.ts";
-import { PAGE_BANDS, lambertFactors, phongFactors, scaleBands, withBands } from "./sh.ts";
+import { fieldUniforms, type Field } from "./grid/field.ts";
+import { MOST_GROUPS } from "./grid/info.ts";
+import { PAGE_BANDS, lambertFactors, phongFactors, scaleBands, withBands, type Vector3 as Triple } from "./sh.ts";
 import { litShader, type FieldVariant, type TransferVariant, type Variant } from "./shader.ts";
 
 const COUNT = PAGE_BANDS * PAGE_BANDS;
@@ -13,15 +14,15 @@ export const DARKNESS = new Float32Array(3 * COUNT);
 export interface Illumination {
   /** Light that comes from afar to every place; `null`: none. */
   distant: Float32Array | null;
-  /** Light that differs from place to place; `null`: none. */
-  field: Field | null;
-  /** What the field is multiplied with, a channel. */
-  gain: readonly [number, number, number];
+  /** Light that differs from place to place: grids that add up, each multiplied with a gain a channel. */
+  fields: readonly { field: Field; gain: Triple }[];
+  /** Whether their gradients are used, where they have any. */
+  gradients: boolean;
   /** What is behind the objects, where no picture is. */
   surround: Float32Array;
 }
 
-export const DARK: Illumination = { distant: DARKNESS, field: null, gain: [1, 1, 1], surround: DARKNESS };
+export const DARK: Illumination = { distant: DARKNESS, fields: [], gradients: false, surround: DARKNESS };
 
 /** Uniforms of the current light, premultiplied for each use. One object serves every material. */
 export class LightUniforms {
@@ -30,15 +31,8 @@ export class LightUniforms {
   readonly glossy: { value: Float32Array } = { value: new Float32Array(3 * COUNT) };
   readonly surround: { value: Float32Array } = { value: new Float32Array(3 * COUNT) };
   readonly lobe: { value: Float32Array } = { value: new Float32Array(PAGE_BANDS) };
-  readonly field: Record<string, IUniform> = {
-    field: { value: null as Data3DTexture | null },
-    fieldLower: { value: new Vector3() },
-    fieldPerMetre: { value: new Vector3(1, 1, 1) },
-    fieldCells: { value: new Vector3(1, 1, 1) },
-    fieldTexel: { value: new Vector3(1, 1, 1) },
-    fieldStep: { value: new Vector2() },
-    fieldGain: { value: new Vector3(1, 1, 1) },
-  };
+  /** A set for each light group. */
+  readonly fields: readonly Record<string, IUniform>[] = Array.from({ length: MOST_GROUPS }, fieldUniforms);
   readonly picture: Record<string, IUniform> = {
     picture: { value: new Texture() },
     pictureSize: { value: new Vector2(1, 1) },
@@ -53,7 +47,7 @@ export class LightUniforms {
   behind: "picture" | "harmonics" = "harmonics";
 
   /** Take over new light; `bands` may cut off its fine detail. */
-  set({ distant, field, gain, surround }: Illumination, bands: number, exponent: number): void {
+  set({ distant, fields, gradients, surround }: Illumination, bands: number, exponent: number): void {
     const light = withBands(withBands(distant ?? DARKNESS, bands), PAGE_BANDS);
     const factors = phongFactors(exponent, PAGE_BANDS);
     this.bands = bands;
@@ -63,9 +57,16 @@ export class LightUniforms {
     this.glossy.value = scaleBands(light, factors);
     this.surround.value = withBands(withBands(surround, bands), PAGE_BANDS);
     this.lobe.value = Float32Array.from(factors);
-    this.fieldVariant = field === null ? null : { sampling: this.sampling, stored: field.stored, columns: field.layout.columns };
-    if (field !== null) field.describe(this.field, gain);
+    fields.forEach(({ field, gain }, k) => field.describe(this.fields[k]!, gain));
+    const members = fields.map(({ field }) => field.variant(gradients));
+    this.fieldVariant = members.length === 0 ? null : { sampling: this.sampling, members };
   }
+}
+
+/** The uniforms of each light group by their full names. */
+function named(fields: LightUniforms["fields"]): Record<string, IUniform> {
+  const entries = fields.flatMap((uniforms, k) => Object.entries(uniforms).map(([name, uniform]) => [`field${k}${name}`, uniform]));
+  return Object.fromEntries(entries) as Record<string, IUniform>;
 }
 
 export interface Surface {
@@ -100,7 +101,7 @@ export class LitMaterial extends ShaderMaterial {
         glossy: lightUniforms.glossy,
         surround: lightUniforms.surround,
         lobe: lightUniforms.lobe,
-        ...lightUniforms.field,
+        ...named(lightUniforms.fields),
         ...lightUniforms.picture,
         albedo: { value: null },
         gloss: { value: 0 },

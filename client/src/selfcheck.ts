@@ -2,7 +2,7 @@
 // and cosine of a shader may be coarse.
 
 import { harmonics } from "./glsl.ts";
-import { MOST_ATTRIBUTES, MOST_TEXTURES, litShader, type FieldVariant, type TransferVariant, type Variant } from "./shader.ts";
+import { MOST_ATTRIBUTES, MOST_TEXTURES, litShader, type FieldVariant, type MemberVariant, type TransferVariant, type Variant } from "./shader.ts";
 import { PAGE_BANDS, lambertFactors, phongFactors, radiance, scaleBands, type Vector3 } from "./sh.ts";
 
 /** Prefixes that three.js puts before the shaders of `shader.ts`, as far as they are used there. */
@@ -129,12 +129,20 @@ function difference(gl: WebGL2RenderingContext, { bands, coefficients }: Check, 
 function variants(): Variant[] {
   const list: Variant[] = [];
   const transfers: (TransferVariant | null)[] = [null, { bands: 5, from: "attributes" }, { bands: 5, from: "texture" }];
+  const plain: MemberVariant = { form: "cells", stored: 5, columns: 5, bendColumns: null };
+  const bent: MemberVariant = { ...plain, bendColumns: 8 };
+  const bricks: MemberVariant = { ...plain, form: "bricks" };
+  const few: MemberVariant = { ...plain, stored: 3, columns: 3 };
+  const one: MemberVariant = { ...plain, stored: 1, columns: 1 };
   const fields: (FieldVariant | null)[] = [
     null,
-    { sampling: "vertex", stored: 5, columns: 5 },
-    { sampling: "fragment", stored: 5, columns: 5 },
-    { sampling: "fragment", stored: 3, columns: 3 },
-    { sampling: "vertex", stored: 1, columns: 1 },
+    { sampling: "vertex", members: [plain] },
+    { sampling: "fragment", members: [plain] },
+    { sampling: "fragment", members: [few] },
+    { sampling: "vertex", members: [one] },
+    { sampling: "vertex", members: [bent] },
+    { sampling: "fragment", members: [bricks] },
+    { sampling: "fragment", members: [bent, few, bricks, { ...few, bendColumns: 5 }] },
   ];
   for (const transfer of transfers) {
     for (const field of fields) {
@@ -151,7 +159,7 @@ function variants(): Variant[] {
 
 /** Compile them all, and see how many attributes and texture units they take. Raises `Error` where one does not. */
 function shaders(gl: WebGL2RenderingContext): string {
-  const samplers = new Set<number>([gl.SAMPLER_2D, gl.SAMPLER_3D]);
+  const samplers = new Set<number>([gl.SAMPLER_2D, gl.SAMPLER_3D, gl.UNSIGNED_INT_SAMPLER_3D]);
   let attributes = 0;
   let textures = 0;
   const all = variants();

@@ -9,6 +9,7 @@ import type { Modulation } from "./grid/modulate.ts";
 import { LiveStream, type ConnectionState } from "./live.ts";
 import type { Sample } from "./rate.ts";
 import { listStreams, type StreamDescription, type StreamSummary } from "./rest.ts";
+import type { Vector3 } from "./sh.ts";
 import { TimeTravel } from "./time.ts";
 import { OWN_OBJECTS, change, view } from "./view.ts";
 import type { Viewport } from "./viewport.ts";
@@ -76,14 +77,24 @@ export function startSession(viewport: Viewport, time: TimeTravel): void {
 }
 
 function followGrid(viewport: Viewport): void {
-  let shown: string | null = null;
+  let shown = "";
   effect(() => {
-    const { grid } = view.value;
-    if (grid === shown) return;
-    shown = grid;
+    const { grid, groups } = view.value;
+    const ids = grid === null ? [] : [grid, ...groups.filter((id) => id !== grid)];
+    if (ids.join() === shown) return;
+    shown = ids.join();
     // What is wrong stands in `viewport.gridState`, which the panel reads.
-    viewport.showGrid(grid).catch(() => undefined);
+    viewport.showGrids(ids).catch(() => undefined);
   });
+  effect(() => {
+    viewport.probeStands = probeStands();
+  });
+}
+
+/** Where the settings of the chosen stream say that its probe stands, world metres; `null`: they do not. */
+export function probeStands(): Vector3 | null {
+  const settings = streams.value?.find(({ name }) => name === view.value.stream)?.settings;
+  return (settings?.["position_m"] ?? null) as Vector3 | null;
 }
 
 function followObject(viewport: Viewport): void {

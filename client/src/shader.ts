@@ -1,6 +1,8 @@
 // The shaders of every lit surface. Each variant is text of its own, straight-line and without what it does not need:
 // no branch, no dynamic index. Three compiles them as GLSL ES 3.00.
 
+import { STEPS } from "./grid/bricks.ts";
+import { tileCount } from "./grid/layout.ts";
 import { PICTURED, WITHOUT_NEGATIVES, basisValues, harmonics, literal } from "./glsl.ts";
 import { PAGE_BANDS, lambertFactors } from "./sh.ts";
 
@@ -14,14 +16,23 @@ export const MOST_TEXTURES = 16;
 export const MOST_ATTRIBUTES = 16;
 export const MOST_VARYINGS = 15;
 
-/** A field of coefficients in one 3D texture, see `grid/layout.ts`. */
-export interface FieldVariant {
-  /** Where it is looked up. */
-  sampling: "vertex" | "fragment";
+/** A field of coefficients in 3D textures: see `grid/layout.ts`. */
+export interface MemberVariant {
+  /** `cells`: of one lattice; `bricks`: of an adaptive grid, see `grid/lattice.ts`. */
+  form: "cells" | "bricks";
   /** Bands that the texture holds. */
   stored: number;
   /** Tiles beside each other in the atlas. */
   columns: number;
+  /** The same in the atlas of what gradients add; `null`: it is not looked up. */
+  bendColumns: number | null;
+}
+
+/** Fields that add up, each with a gain of its own. */
+export interface FieldVariant {
+  /** Where they are looked up. */
+  sampling: "vertex" | "fragment";
+  members: readonly MemberVariant[];
 }
 
 export interface TransferVariant {
@@ -64,12 +75,25 @@ export function normalised(variant: Variant): Variant {
   return variant;
 }
 
-/** Coefficients that the matte part reads, as terms to be weighted; `null` where the weight is zero. */
-function matteWeights(variant: Variant, normal: string, transfer: string): { lines: string; weights: (string | null)[] } {
-  const bands = Math.min(variant.bands, variant.field?.stored ?? PAGE_BANDS);
+/** Bands that some of the fields hold, as far as they are drawn. */
+const bandsHeld = ({ bands, field }: Variant): number =>
+  Math.min(bands, Math.max(...(field?.members.map(({ stored }) => stored) ?? [PAGE_BANDS])));
+
+/** What the matte part reads, as weights of the coefficients; `null` where a weight is zero. */
+interface Matte {
+  lines: string;
+  weights: (string | null)[];
+  /** Whether the weights are colours. */
+  coloured: boolean;
+}
+
+function matteOf(variant: Variant, normal: string, transfer: string): Matte {
+  const bands = bandsHeld(variant);
   if (variant.transfer !== null) {
     const used = Math.min(bands, variant.transfer.bands) ** 2;
-    return { lines: "", weights: range(COUNT).map((i) => (i < used ? lane(transfer, i) : null)) };
+    const coloured = variant.transfer.from === "texture";
+    const weight = (i: number) => (coloured ? `rgb${i}` : lane(transfer, i));
+    return { lines: "", weights: range(COUNT).map((i) => (i < used ? weight(i) : null)), coloured };
   }
   const needed = bands > FEW_BANDS ? bands : Math.min(bands, 3);
   const factors = lambertFactors(PAGE_BANDS);
@@ -77,59 +101,133 @@ function matteWeights(variant: Variant, normal: string, transfer: string): { lin
     const factor = factors[Math.floor(Math.sqrt(i))]!;
     return i < needed * needed && Math.abs(factor) > 1e-9 ? `${literal(factor)} * n${i}` : null;
   });
-  return { lines: basisValues("n", normal, needed), weights };
+  return { lines: basisValues("n", normal, needed), weights, coloured: false };
 }
 
-/** Fetch the field's texels once, and sum them with the weights of the matte and the glossy part. */
-function fieldSums(variant: Variant, field: FieldVariant, place: string, matte: (string | null)[], gloss: boolean): string {
-  const bands = Math.min(variant.bands, field.stored);
+/** Sum the fields with the weights of the matte and the glossy part: `fieldMatte`, `fieldGlossy`. */
+function fieldSums(variant: Variant, field: FieldVariant, place: string, matte: Matte, gloss: boolean): string {
+  const lines = [matte.lines, "vec3 fieldMatte = vec3(0.0), fieldGlossy = vec3(0.0);"];
+  field.members.forEach((member, k) => lines.push(...memberSums(variant, member, k, place, matte, gloss)));
+  return lines.filter((line) => line !== "").join("\n  ");
+}
+
+/** The same of one of them; each of its texels is fetched once. */
+function memberSums(variant: Variant, member: MemberVariant, k: number, place: string, matte: Matte, gloss: boolean): string[] {
+  const bands = Math.min(variant.bands, member.stored);
   const used = bands * bands;
-  const stored = field.stored * field.stored;
+  const stored = member.stored * member.stored;
   const groups = stored >> 2;
+  const dull = (i: number) => (i < used ? matte.weights[i]! : null);
   const shiny = (i: number) => (gloss && i < used ? `lobe[${Math.floor(Math.sqrt(i))}] * r${i}` : null);
-  const fetch = (tile: number) => {
-    const offset = `vec2(${literal(tile % field.columns)}, ${literal(Math.floor(tile / field.columns))})`;
-    return `textureLod(field, vec3(place.xy + ${offset} * fieldStep, place.z), 0.0)`;
-  };
-  const lines = [`vec3 place = fieldPlace(${place});`, "vec3 fieldMatte = vec3(0.0), fieldGlossy = vec3(0.0);"];
+  const [name, own] = [`field${k}`, `f${k}`];
+  const fetch = fetcher(member, name, own);
+  const lines = [`vec3 ${own} = ${name}Place(${place});`, `vec3 ${own}Matte = vec3(0.0), ${own}Glossy = vec3(0.0);`];
+  if (member.bendColumns !== null) {
+    lines.push(
+      `vec3 ${own}Steps = ${name}Steps(${place});`,
+      `vec3 ${own}Low = max(min(floor(${own}Steps), ${name}Cells - 2.0), vec3(0.0));`,
+      `vec3 ${own}Part = ${own}Steps - ${own}Low;`,
+      `vec3 ${own}Bend = ${name}BendScale * ${own}Part * (1.0 - ${own}Part);`,
+      `vec3 ${own}Middle = (${own}Steps + 0.5) * ${name}BendTexel;`,
+      `vec3 ${own}Still = (${own}Low + 0.5) * ${name}BendTexel;`,
+      // The lower node along one axis, filtered along the others.
+      `vec3 ${own}X = vec3(${own}Still.x, ${own}Middle.yz);`,
+      `vec3 ${own}Y = vec3(${own}Middle.x, ${own}Still.y, ${own}Middle.z);`,
+      `vec3 ${own}Z = vec3(${own}Middle.xy, ${own}Still.z);`,
+    );
+  }
   for (let group = 0; group < groups; group++) {
     const lanes = [0, 1, 2, 3].map((i) => 4 * group + i);
-    const rows = [
-      ["fieldMatte", lanes.map((i) => (i < used ? (matte[i] ?? null) : null))],
-      ["fieldGlossy", lanes.map(shiny)],
-    ] as const;
-    if (rows.every(([, weights]) => weights.every((weight) => weight === null))) continue;
-    for (const [k, colour] of ["R", "G", "B"].entries()) lines.push(`vec4 t${colour}${group} = ${fetch(3 * group + k)};`);
-    for (const [sum, weights] of rows) {
-      if (weights.every((weight) => weight === null)) continue;
-      const vector = `vec4(${weights.map((weight) => weight ?? "0.0").join(", ")})`;
-      lines.push(`vec4 ${sum}${group} = ${vector};`);
-      lines.push(`${sum} += vec3(${["R", "G", "B"].map((c) => `dot(${sum}${group}, t${c}${group})`).join(", ")});`);
+    const [dulls, shinies] = [lanes.map(dull), lanes.map(shiny)];
+    if ([...dulls, ...shinies].every((weight) => weight === null)) continue;
+    for (const [c, colour] of ["R", "G", "B"].entries()) {
+      lines.push(`vec4 ${own}${colour}${group} = ${fetch(3 * group + c)};`);
     }
+    const add = (sum: string, weights: (string | null)[]) => {
+      if (weights.every((weight) => weight === null)) return;
+      lines.push(`vec4 ${sum}${group} = vec4(${weights.map((weight) => weight ?? "0.0").join(", ")});`);
+      lines.push(`${sum} += vec3(${["R", "G", "B"].map((c) => `dot(${sum}${group}, ${own}${c}${group})`).join(", ")});`);
+    };
+    if (!matte.coloured) add(`${own}Matte`, dulls);
+    else {
+      dulls.forEach((weight, i) => {
+        const colour = ["R", "G", "B"].map((c) => `${own}${c}${group}.${"xyzw"[i]}`).join(", ");
+        if (weight !== null) lines.push(`${own}Matte += ${weight} * vec3(${colour});`);
+      });
+    }
+    add(`${own}Glossy`, shinies);
   }
   if (stored % 4 === 1 && used === stored) {
     const last = stored - 1;
-    if (matte[last] !== null || gloss) lines.push(`vec3 tLast = ${fetch(3 * groups)}.rgb;`);
-    if (matte[last] !== null) lines.push(`fieldMatte += ${matte[last]} * tLast;`);
-    if (gloss) lines.push(`fieldGlossy += ${shiny(last)} * tLast;`);
+    if (dull(last) !== null || gloss) lines.push(`vec3 ${own}Last = (${fetch(3 * groups)}).rgb;`);
+    if (dull(last) !== null) lines.push(`${own}Matte += ${dull(last)} * ${own}Last;`);
+    if (gloss) lines.push(`${own}Glossy += ${shiny(last)} * ${own}Last;`);
   }
-  lines.push("fieldMatte *= fieldGain;", "fieldGlossy *= fieldGain;");
-  return lines.join("\n  ");
+  lines.push(`fieldMatte += ${name}Gain * ${own}Matte;`);
+  if (gloss) lines.push(`fieldGlossy += ${name}Gain * ${own}Glossy;`);
+  return lines;
 }
 
-const fieldUniforms = (gloss: boolean): string => /* glsl */ `
-uniform highp sampler3D field;
-uniform vec3 fieldLower;
-uniform vec3 fieldPerMetre;
-uniform vec3 fieldCells;
-uniform vec3 fieldTexel;
-uniform vec2 fieldStep;
-uniform vec3 fieldGain;
-${gloss ? `uniform float lobe[${PAGE_BANDS}];` : ""}
-// Half a texel inside each tile, so that tiles do not bleed into each other.
-vec3 fieldPlace(vec3 p) {
-  return clamp((p - fieldLower) * fieldPerMetre, vec3(0.5), fieldCells - 0.5) * fieldTexel;
-}`;
+/** How a tile's texel is fetched at the place that `own` names, with what the gradients add. */
+function fetcher({ stored, columns, bendColumns }: MemberVariant, name: string, own: string): (tile: number) => string {
+  const at = (texture: string, step: string, place: string, tile: number, wide: number) => {
+    const offset = `vec2(${literal(tile % wide)}, ${literal(Math.floor(tile / wide))})`;
+    return `textureLod(${texture}, vec3(${place}.xy + ${offset} * ${step}, ${place}.z), 0.0)`;
+  };
+  const tiles = tileCount(stored);
+  return (tile) => {
+    const plain = at(name, `${name}Step`, own, tile, columns);
+    if (bendColumns === null) return plain;
+    const bends = ["X", "Y", "Z"].map((axis, k) => {
+      const bend = at(`${name}Bends`, `${name}BendStep`, `${own}${axis}`, k * tiles + tile, bendColumns);
+      return `${own}Bend.${axis.toLowerCase()} * ${bend}`;
+    });
+    return [plain, ...bends].join(" + ");
+  };
+}
+
+/** Uniforms and places of the fields. */
+function fieldHead({ members }: FieldVariant, gloss: boolean): string {
+  const texts = members.map((member, k) => memberHead(member, `field${k}`));
+  return [...texts, gloss ? `uniform float lobe[${PAGE_BANDS}];` : ""].join("\n");
+}
+
+function memberHead({ form, bendColumns }: MemberVariant, name: string): string {
+  const lines = [
+    `uniform highp sampler3D ${name};`,
+    ...["Lower", "PerMetre", "Cells", "Texel", "Gain"].map((part) => `uniform vec3 ${name}${part};`),
+    `uniform vec2 ${name}Step;`,
+    // Steps from the centre of the first cell. Within those of the outermost, tiles do not bleed into each other.
+    `vec3 ${name}Steps(vec3 p) { return clamp((p - ${name}Lower) * ${name}PerMetre - 0.5, vec3(0.0), ${name}Cells - 1.0); }`,
+  ];
+  if (bendColumns !== null) {
+    lines.push(
+      `uniform highp sampler3D ${name}Bends;`,
+      `uniform vec3 ${name}BendTexel;`,
+      `uniform vec2 ${name}BendStep;`,
+      `uniform float ${name}BendScale;`,
+    );
+  }
+  if (form === "cells") {
+    lines.push(`vec3 ${name}Place(vec3 p) { return (${name}Steps(p) + 0.5) * ${name}Texel; }`);
+  } else {
+    lines.push(
+      `uniform highp usampler3D ${name}Pages;`,
+      `uniform vec3 ${name}LastBlock;`,
+      `uniform vec3 ${name}Depths;`,
+      `uniform vec3 ${name}Nodes;`,
+      `vec3 ${name}Place(vec3 p) {`,
+      `  vec3 steps = ${name}Steps(p);`,
+      `  ivec3 block = ivec3(min(floor(steps / ${literal(STEPS)}), ${name}LastBlock));`,
+      `  uvec4 page = texelFetch(${name}Pages, block, 0);`,
+      `  ivec3 span = ivec3(1) << min(ivec3(int(page.w)), ivec3(${name}Depths));`,
+      `  vec3 local = steps / vec3(span) - ${literal(STEPS)} * vec3(block / span);`,
+      `  return (vec3(page.xyz) * ${name}Nodes + local + 0.5) * ${name}Texel;`,
+      "}",
+    );
+  }
+  return lines.join("\n");
+}
 
 const toLight = (axes: Variant["axes"]): string =>
   `vec3 toLight(vec3 v) { return ${axes === "three" ? "vec3(v.x, -v.z, v.y)" : "v"}; }`;
@@ -142,25 +240,6 @@ function fetchedTransfer(transfer: TransferVariant): string {
     `ivec2 cell = ivec2((gl_VertexID % transferPerRow) * ${count}, gl_VertexID / transferPerRow);`,
     ...lines,
   ].join("\n  ");
-}
-
-/** Three-coloured transfer against the field: the texels have to be turned from lanes to colours. */
-function colouredFieldMatte(variant: Variant, field: FieldVariant): string {
-  const used = Math.min(variant.bands, field.stored, variant.transfer!.bands) ** 2;
-  const stored = field.stored * field.stored;
-  const groups = stored >> 2;
-  const lines: string[] = ["fieldMatte = vec3(0.0);"];
-  for (let i = 0; i < used; i++) {
-    const group = i >> 2;
-    if (group === groups) {
-      lines.push(`fieldMatte += rgb${i} * tLast;`);
-    } else {
-      const c = "xyzw"[i & 3]!;
-      lines.push(`fieldMatte += rgb${i} * vec3(tR${group}.${c}, tG${group}.${c}, tB${group}.${c});`);
-    }
-  }
-  lines.push("fieldMatte *= fieldGain;");
-  return lines.join("\n  ");
 }
 
 /** Return the shaders of a variant. */
@@ -189,7 +268,7 @@ function vertexText(variant: Variant): string {
   if (fieldHere !== null && glossy) head.push("varying vec3 fieldShine;");
   for (const slot of handOver) head.push(`varying vec4 passed${slot};`);
   if (transfer !== null && distant) head.push(`uniform vec3 light[${COUNT}];`);
-  if (fieldHere !== null) head.push(fieldUniforms(glossy));
+  if (fieldHere !== null) head.push(fieldHead(fieldHere, glossy));
   head.push(toLight(variant.axes));
 
   body.push(
@@ -216,17 +295,10 @@ function vertexText(variant: Variant): string {
     body.push("vec3 normalLight = normalize(toLight(worldNormal));");
     if (glossy) {
       body.push("vec3 mirrored = toLight(reflect(normalize(worldPosition - cameraPosition), normalize(worldNormal)));");
-      body.push(basisValues("r", "mirrored", Math.min(variant.bands, fieldHere.stored)));
+      body.push(basisValues("r", "mirrored", bandsHeld(variant)));
     }
-    if (fromTexture) {
-      // Every texel is fetched; the sums with scalar weights are replaced below.
-      const all = range(COUNT).map((i) => (i < Math.min(used, fieldHere.stored ** 2) ? "1.0" : null));
-      body.push(fieldSums(variant, fieldHere, "toLight(worldPosition)", all, glossy));
-      body.push(colouredFieldMatte(variant, fieldHere));
-    } else {
-      const { lines, weights } = matteWeights(variant, "normalLight", "transfer");
-      body.push(lines, fieldSums(variant, fieldHere, "toLight(worldPosition)", weights, glossy));
-    }
+    const matte = matteOf(variant, "normalLight", "transfer");
+    body.push(fieldSums(variant, fieldHere, "toLight(worldPosition)", matte, glossy));
     body.push(`irradiance += ${transfer === null ? "" : "transferScale * "}fieldMatte;`);
     if (glossy) body.push("fieldShine = fieldGlossy;");
   }
@@ -253,7 +325,7 @@ function fragmentText(variant: Variant): string {
     head.push(`uniform vec3 diffuse[${COUNT}];`, harmonics("diffuseAt", "diffuse", bands > FEW_BANDS ? PAGE_BANDS : 3));
   }
   if (glossy && distant) head.push(`uniform vec3 glossy[${COUNT}];`, harmonics("glossyAt", "glossy", PAGE_BANDS));
-  if (fieldHere !== null) head.push(fieldUniforms(glossy));
+  if (fieldHere !== null) head.push(fieldHead(fieldHere, glossy));
   if (mirror !== "none") head.push("uniform float mirror;");
   if (mirror === "picture") head.push(PICTURED);
   if (mirror === "harmonics") head.push(`uniform vec3 surround[${COUNT}];`, harmonics("surroundAt", "surround", PAGE_BANDS));
@@ -266,10 +338,10 @@ function fragmentText(variant: Variant): string {
   if (fieldHere !== null) {
     body.push("vec3 normalLight = toLight(n);");
     if (glossy) {
-      body.push("vec3 mirrored = toLight(reflected);", basisValues("r", "mirrored", Math.min(bands, fieldHere.stored)));
+      body.push("vec3 mirrored = toLight(reflected);", basisValues("r", "mirrored", bandsHeld(variant)));
     }
-    const { lines, weights } = matteWeights(variant, "normalLight", "passed");
-    body.push(lines, fieldSums(variant, fieldHere, "toLight(worldPosition)", weights, glossy), "received += fieldMatte;");
+    const matte = matteOf(variant, "normalLight", "passed");
+    body.push(fieldSums(variant, fieldHere, "toLight(worldPosition)", matte, glossy), "received += fieldMatte;");
   }
   body.push(`vec3 colour = ${coloured ? "albedo * own" : "albedo"} * withoutNegatives(received) / 3.14159265359;`);
   if (glossy) {

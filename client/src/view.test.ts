@@ -6,6 +6,9 @@ const CHANGED: View = {
   stream: "room & board",
   light: "both",
   grid: "0b5c1e-7.grid-16x16x16",
+  groups: ["0b5c1e-8.grid", "0b5c1e-9.adaptive"],
+  gradients: false,
+  probeAt: [0.5, 0, -1.25],
   object: "0b5c1e-8",
   at: [0.25, -1.5, 2],
   size: "true",
@@ -44,8 +47,10 @@ describe("the view in the address", () => {
 
   it("keeps the default where the address makes no sense", () => {
     const hash = "#ev=bright&camera=1,2&colour=red&gloss=7&bands=9&backdrop=sky&shadows=maybe&exponent=&other=1";
-    const objects = "#object=../x&grid=a/b&at=1,,2&light=sun&slice=2&sliceAxis=w&sampling=no&mirror=-1&tab=none&size=7&jobState=lost&jobKind=a b";
+    const objects = "#object=../x&grid=a/b&at=1,,2&light=sun&slice=2&sliceAxis=w&sampling=no&mirror=-1&tab=none&size=7&jobState=lost&jobKind=a b&groups=a,../b&gradients=2&probeAt=1";
     expect(parseView(objects)).toEqual(DEFAULT_VIEW);
     expect(parseView(hash)).toEqual(DEFAULT_VIEW);
+    expect(parseView("#groups=a,b,c,d").groups).toEqual([]); // with the grid itself more than are drawn
+    expect(parseView("#groups=a,b,a").groups).toEqual(["a", "b"]);
   });
 });

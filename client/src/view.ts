@@ -2,6 +2,7 @@
 
 import { signal } from "@preact/signals";
 
+import { MOST_GROUPS } from "./grid/info.ts";
 import { PAGE_BANDS } from "./sh.ts";
 
 export type BackdropMode = "picture" | "harmonics" | "off";
@@ -26,6 +27,12 @@ export interface View {
   light: LightSource;
   /** The grid's id, such as `JOB.grid`. */
   grid: string | null;
+  /** Further grids over the same space: with the first they are light groups, and add up. */
+  groups: readonly string[];
+  /** Whether grids are drawn with their gradients, where they have any. */
+  gradients: boolean;
+  /** Where the live probe stands in the grid, world metres, where its stream does not say; `null`: the grid's middle. */
+  probeAt: readonly number[] | null;
   /** One of `OWN_OBJECTS`, or the id of a transfer job. */
   object: string;
   /** Where the object stands in the grid, world metres; `null`: the grid's middle. */
@@ -66,6 +73,9 @@ export const DEFAULT_VIEW: View = {
   stream: null,
   light: "stream",
   grid: null,
+  groups: [],
+  gradients: true,
+  probeAt: null,
   object: "stilllife",
   at: null,
   size: "fit",
@@ -129,10 +139,21 @@ const id: Codec<string> = {
   write: (value) => value,
 };
 
+const ids = (most: number): Codec<readonly string[]> => ({
+  read: (value) => {
+    const read = value.split(",").map(id.read);
+    return read.length <= most && read.every((item) => item !== undefined) ? [...new Set(read)] : undefined;
+  },
+  write: (value) => value.join(","),
+});
+
 const CODECS: { [Key in keyof View]: Codec<NonNullable<View[Key]>> } = {
   stream: text,
   light: choice("stream", "grid", "both"),
   grid: id,
+  groups: ids(MOST_GROUPS - 1),
+  gradients: flag,
+  probeAt: numbers(3),
   object: id,
   at: numbers(3),
   size: choice("fit", "true"),

@@ -18,10 +18,11 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { apiUrl } from "./api.ts";
 import { Surroundings } from "./backdrop.ts";
 import { nowMs } from "./clock.ts";
-import { limitsOf, loadField, type Field } from "./grid/field.ts";
+import type { Field } from "./grid/field.ts";
 import { Gizmo } from "./grid/gizmo.ts";
-import { illuminate, type Lighting } from "./grid/illuminate.ts";
+import { illuminate, middleOf, type Lighting } from "./grid/illuminate.ts";
 import { NO_GRID, type GridInfo, type GridState } from "./grid/info.ts";
+import { limitsOf, loadField, tooLarge } from "./grid/load.ts";
 import type { Modulation } from "./grid/modulate.ts";
 import { Volume } from "./grid/volume.ts";
 import type { Light, LiveStream } from "./live.ts";
@@ -62,6 +63,8 @@ export class Viewport {
   meteredEv = 0;
   private meteredMs = 0;
   paused = false;
+  /** Where the stream's settings say that its probe stands, world metres; `null`: they do not. */
+  probeStands: Triple | null = null;
   /** The light on the objects: the newest, unless paused or held. */
   shown: Light | null = null;
   /** How far the grid that was asked for has come. */
@@ -77,7 +80,9 @@ export class Viewport {
   private readonly surroundings: Surroundings;
   private readonly volume = new Volume(this.light);
   private readonly gizmo: Gizmo;
-  private field: Field | null = null;
+  /** The grids that are shown together: light groups, the first of which says where the box is. */
+  private fields: readonly Field[] = [];
+  private wantedGrids: readonly string[] = [];
   private subject: Subject | null = null;
   /** The object that is shown or on its way: a name of the page's own, or a job. */
   private wantedObject = "";
@@ -148,8 +153,10 @@ export class Viewport {
     canvas.addEventListener("webglcontextrestored", () => {
       // A fence of the lost context would never be signalled.
       this.fence = null;
-      this.field?.forgetUpload();
-      this.field?.upload(this.renderer);
+      for (const field of this.fields) {
+        field.forgetUpload();
+        field.upload(this.renderer);
+      }
       this.surroundings.invalidate();
       this.dirty = true;
     });
@@ -179,35 +186,52 @@ export class Viewport {
     if (picture !== null) this.surroundings.offer(picture);
   }
 
-  /** Load a grid, to light the objects with; `null` takes it away. Raises `Error` with the reason in words. */
-  showGrid(id: string): Promise<GridInfo>;
-  showGrid(id: null): Promise<null>;
-  showGrid(id: string | null): Promise<GridInfo | null>;
-  async showGrid(id: string | null): Promise<GridInfo | null> {
+  /**
+   * Load grids, to light the objects with: one, or light groups that add up; none takes them away. Those that are there
+   * already stay. Raises `Error` with the reason in words.
+   */
+  async showGrids(ids: readonly string[]): Promise<void> {
     this.fetchingGrid.abort();
     const { signal } = (this.fetchingGrid = new AbortController());
-    this.gridState = id === null ? NO_GRID : { loading: 0, info: null, problem: "" };
-    if (id === null) {
-      this.takeField(null);
-      return null;
-    }
-    const folder = apiUrl(document.baseURI, `artifacts/${encodeURIComponent(id)}`);
+    this.wantedGrids = ids;
+    const known = new Map(this.fields.map((field) => [field.info.id, field]));
+    const loaded: Field[] = [];
+    const fresh: Field[] = [];
+    this.gridState = ids.length === 0 ? NO_GRID : { ...NO_GRID, loading: 0, info: known.get(ids[0]!)?.info ?? null };
     try {
-      const field = await loadField(folder, id, limitsOf(this.renderer), signal, (loading, info) => {
-        if (!signal.aborted) this.gridState = { loading, info, problem: "" };
-      });
-      signal.throwIfAborted();
-      field.upload(this.renderer);
-      this.gridState = { loading: 1, info: field.info, problem: "" };
-      this.takeField(field);
-      return field.info;
+      for (const [k, id] of ids.entries()) {
+        const field = known.get(id) ?? (await this.load(id, k, loaded, signal));
+        if (!known.has(id)) fresh.push(field);
+        signal.throwIfAborted();
+        loaded.push(field);
+      }
+      const [info, gradients] = [loaded[0]?.info ?? null, loaded.some(({ bends }) => bends !== null)];
+      this.gridState = { loading: 1, info, gradients, problem: "" };
+      this.takeFields(loaded);
     } catch (error) {
-      if (!signal.aborted) {
+      if (signal.aborted) {
+        for (const field of fresh) field.dispose();
+      } else {
+        // What has come is shown: of light groups, those before the one that cannot be had.
         this.gridState = { ...this.gridState, loading: 1, problem: (error as Error).message };
-        this.takeField(null);
+        this.takeFields(loaded);
       }
       throw error;
     }
+  }
+
+  private async load(id: string, k: number, before: readonly Field[], signal: AbortSignal): Promise<Field> {
+    const folder = apiUrl(document.baseURI, `artifacts/${encodeURIComponent(id)}`);
+    const limits = limitsOf(this.renderer);
+    const taken = before.reduce((sum, { info, bends }) => sum + info.bytes * (bends === null ? 1 : 4), 0);
+    const field = await loadField(folder, id, { ...limits, bytes: limits.bytes - taken }, signal, (share, info) => {
+      const loading = (k + share) / this.wantedGrids.length;
+      if (!signal.aborted) this.gridState = { ...this.gridState, loading, info: before[0]?.info ?? info };
+    });
+    if (!signal.aborted && field.upload(this.renderer)) return field;
+    field.dispose();
+    signal.throwIfAborted();
+    throw new Error(tooLarge(field.info, "the graphics memory does not suffice"));
   }
 
   /** Show the meshes of a finished transfer job. Raises `Error` with the reason in words. */
@@ -217,8 +241,9 @@ export class Viewport {
 
   /** Move the object in the grid by shares of the grid's edges, world axes. */
   nudge(x: number, y: number, z: number): void {
-    if (this.field === null) return;
-    const { lower, upper } = this.field.info;
+    const info = this.fields[0]?.info;
+    if (info === undefined) return;
+    const { lower, upper } = info;
     const place = this.place3(view.peek());
     const moved = [x, y, z].map((share, k) => place[k]! + share * (upper[k]! - lower[k]!));
     this.moveTo(moved as unknown as Triple);
@@ -370,9 +395,14 @@ export class Viewport {
   }
 
   private applyLight(value: View): void {
-    const field = value.light === "stream" ? null : this.field;
+    const fields = value.light === "stream" ? [] : this.fields;
     const place = this.place3(value);
-    const lighting = illuminate(value.light, this.shown?.coefficients ?? null, field, place);
+    const lighting = illuminate(value.light, this.shown?.coefficients ?? null, fields, {
+      place,
+      probe: this.probePlace(value),
+      gradients: value.gradients,
+      before: this.modulation?.method ?? null,
+    });
     // Until there is light of the kind that is asked for, the last stays.
     if (lighting !== null) this.lighting = lighting;
     const { illumination, modulation } = this.lighting;
@@ -381,10 +411,10 @@ export class Viewport {
     this.light.sampling = value.sampling;
     this.light.behind = this.surroundings.source;
     this.light.set(illumination, value.bands, value.exponent);
-    this.placeSubject(value, field, place);
+    this.placeSubject(value, fields, place);
     this.subject?.dress(value);
     if (this.surroundings.source === "harmonics") this.surroundings.invalidate();
-    const dominant = field === null ? (this.shown?.frame.dominant ?? null) : null;
+    const dominant = fields.length === 0 ? (this.shown?.frame.dominant ?? null) : null;
     this.arrow.visible = value.arrow && dominant !== null;
     if (dominant !== null) {
       const direction = new Vector3(...dominant.direction);
@@ -397,44 +427,52 @@ export class Viewport {
   }
 
   /** Put the object where it belongs, and show the grid around it. */
-  private placeSubject(value: View, field: Field | null, place: Triple): void {
+  private placeSubject(value: View, fields: readonly Field[], place: Triple): void {
     const { subject, volume } = this;
-    if (field === null) {
+    const [first] = fields;
+    if (first === undefined) {
       volume.hide();
       this.gizmo.hide();
       subject?.place(subject.bounds.center, 1);
       return;
     }
-    const fitting = radiusInGrid(field.info);
+    const fitting = radiusInGrid(first.info);
     const radius = value.size === "true" && subject !== null ? subject.bounds.radius : fitting;
     subject?.place(new Vector3(...place), radius / subject.bounds.radius);
-    const { gain } = this.lighting.illumination;
-    volume.show(field, value.sliceAxis, value.slice, value.probes, { middle: place, radius: 0.9 * radius });
-    volume.setGain(gain);
+    volume.show(fields, value, { middle: place, radius: 0.9 * radius });
+    volume.setGains(this.lighting.illumination.fields.map(({ gain }) => gain));
     if (value.gizmo) this.gizmo.show(place);
     else this.gizmo.hide();
   }
 
   /** Where the object is in the grid: within the box, in the middle where nothing else is said. */
   private place3({ at }: View): Triple {
-    const info = this.field?.info;
+    const info = this.fields[0]?.info;
     if (info === undefined) return [0, 0, 0];
-    const middle = info.lower.map((low, k) => (low + info.upper[k]!) / 2);
-    return (at ?? middle).map((value, k) => Math.min(Math.max(value, info.lower[k]!), info.upper[k]!)) as unknown as Triple;
+    return (at ?? middleOf(info)).map((value, k) => Math.min(Math.max(value, info.lower[k]!), info.upper[k]!)) as unknown as Triple;
+  }
+
+  /** Where the live probe stands: as its frames or its stream say, else as the user says, else in the grid's middle. */
+  private probePlace({ probeAt }: View): Triple {
+    const info = this.fields[0]?.info;
+    const known = this.shown?.frame.position ?? this.probeStands;
+    return (known ?? probeAt ?? (info === undefined ? [0, 0, 0] : middleOf(info))) as Triple;
   }
 
   private moveTo(place: Triple): void {
     change({ at: this.place3({ ...view.peek(), at: place }) });
   }
 
-  private takeField(field: Field | null): void {
-    const before = this.field;
-    if (field === before) return;
-    this.field = field;
-    if (before !== null && this.lighting.illumination.field === before) this.lighting = { illumination: DARK, modulation: null };
+  private takeFields(fields: readonly Field[]): void {
+    const before = this.fields;
+    this.fields = fields;
+    const gone = before.filter((field) => !fields.includes(field));
+    if (this.lighting.illumination.fields.some(({ field }) => gone.includes(field))) {
+      this.lighting = { illumination: DARK, modulation: null };
+    }
     this.applyLight(view.peek());
-    before?.dispose();
-    if (view.peek().camera === null) this.placeAtHome();
+    for (const field of gone) field.dispose();
+    if (before[0] !== fields[0] && view.peek().camera === null) this.placeAtHome();
   }
 
   /** Fetch an object and show it; only the last that was asked for is shown. */
@@ -456,8 +494,9 @@ export class Viewport {
 
   /** What the camera frames. */
   private framed(): Sphere {
-    if (this.field !== null && view.peek().light !== "stream") {
-      const { lower, upper } = this.field.info;
+    const info = this.fields[0]?.info;
+    if (info !== undefined && view.peek().light !== "stream") {
+      const { lower, upper } = info;
       const [low, high] = [new Vector3(...lower), new Vector3(...upper)];
       return new Sphere(low.clone().add(high).multiplyScalar(0.5), 0.52 * low.distanceTo(high));
     }

@@ -1,222 +1,130 @@
-// A grid's light in memory: read tile by tile, looked up at points here and by shaders.
+// A grid's light in memory: looked up at points here and by shaders.
 
-import { Data3DTexture, DataUtils, HalfFloatType, LinearFilter, RGBAFormat, type IUniform, type Vector2, type Vector3 as ThreeVector, type WebGLRenderer } from "three";
+import { Vector2, Vector3 as ThreeVector, type Data3DTexture, type IUniform, type WebGLRenderer } from "three";
 
-import { PAGE_BANDS, type Vector3 } from "../sh.ts";
+import type { Vector3 } from "../sh.ts";
+import type { MemberVariant } from "../shader.ts";
+import type { Atlas } from "./atlas.ts";
 import type { GridInfo } from "./info.ts";
-import { atlasLayout, tileCount, type AtlasLayout } from "./layout.ts";
-import { TileArray, below, readAttributes } from "./zarr.ts";
+import { BrickLattice, type Lattice } from "./lattice.ts";
+import { tileCount } from "./layout.ts";
 
-const REGULAR = "lightwell.grid.v1";
-const BYTES_OF_TEXEL = 8;
-/** More than that makes browsers lose their graphics. */
-const MOST_BYTES = 1024 ** 3;
-/** Tiles that are on their way at once. */
-const AT_ONCE = 4;
-
-/** What the GPU takes. */
-export interface Limits {
-  /** Texels along an axis of a 3D texture. */
-  largest: number;
-  bytes: number;
-}
-
-export function limitsOf(renderer: WebGLRenderer): Limits {
-  const gl = renderer.getContext() as WebGL2RenderingContext;
-  return { largest: gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number, bytes: MOST_BYTES };
+/** The uniforms of one field, by their names in `shader.ts` after `field` and its number. */
+export function fieldUniforms(): Record<string, IUniform> {
+  return {
+    "": { value: null as Data3DTexture | null },
+    Lower: { value: new ThreeVector() },
+    PerMetre: { value: new ThreeVector(1, 1, 1) },
+    Cells: { value: new ThreeVector(1, 1, 1) },
+    Texel: { value: new ThreeVector(1, 1, 1) },
+    Step: { value: new Vector2() },
+    Gain: { value: new ThreeVector(1, 1, 1) },
+    Bends: { value: null as Data3DTexture | null },
+    BendTexel: { value: new ThreeVector(1, 1, 1) },
+    BendStep: { value: new Vector2() },
+    BendScale: { value: 1 },
+    Pages: { value: null as Data3DTexture | null },
+    LastBlock: { value: new ThreeVector() },
+    Depths: { value: new ThreeVector() },
+    Nodes: { value: new ThreeVector(1, 1, 1) },
+  };
 }
 
 export class Field {
-  readonly texture: Data3DTexture;
-  private uploaded = false;
-
   constructor(
     readonly info: GridInfo,
     /** Bands of the tiles that are kept, at most as many as the page draws. */
     readonly stored: number,
-    readonly layout: AtlasLayout,
-    private readonly tiles: readonly Uint16Array[],
-  ) {
-    this.texture = new Data3DTexture(null, ...layout.size);
-    this.texture.format = RGBAFormat;
-    this.texture.type = HalfFloatType;
-    this.texture.minFilter = this.texture.magFilter = LinearFilter;
-    this.texture.unpackAlignment = 1;
-    // Three would send a texture without data and complain; the tiles are sent one by one instead.
-    this.texture.source.dataReady = false;
-    this.texture.needsUpdate = true;
-  }
+    readonly lattice: Lattice,
+    readonly atlas: Atlas,
+    /** What gradients add to the trilinear filter (lightwell.field.tiles), for x, y and z; `null`: nothing. */
+    readonly bends: Atlas | null,
+  ) {}
 
-  /** Send the tiles to the GPU; raises `Error` where its memory does not suffice. */
-  upload(renderer: WebGLRenderer): void {
-    if (this.uploaded) return;
-    const gl = renderer.getContext() as WebGL2RenderingContext;
-    while (gl.getError() !== gl.NO_ERROR);
-    renderer.initTexture(this.texture);
-    const { __webglTexture: texture } = renderer.properties.get(this.texture) as { __webglTexture: WebGLTexture };
-    const [x, y, z] = this.info.resolution;
-    // Three has just set flipping and alignment as this texture wants them.
-    renderer.state.bindTexture(gl.TEXTURE_3D, texture);
-    this.tiles.forEach((tile, i) => {
-      const column = i % this.layout.columns;
-      const row = Math.floor(i / this.layout.columns);
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, column * x, row * y, 0, x, y, z, gl.RGBA, gl.HALF_FLOAT, tile);
-    });
-    renderer.state.unbindTexture();
-    if (gl.getError() !== gl.NO_ERROR) throw new Error(tooLarge(this.info, "the graphics memory does not suffice"));
-    this.uploaded = true;
+  /** Send everything to the GPU; says whether its memory suffices. */
+  upload(renderer: WebGLRenderer): boolean {
+    return this.atlas.upload(renderer) && (this.bends?.upload(renderer) ?? true);
   }
 
   /** The GPU has lost its memory: the next upload sends everything again. */
   forgetUpload(): void {
-    this.uploaded = false;
+    this.atlas.forgetUpload();
+    this.bends?.forgetUpload();
   }
 
   dispose(): void {
-    this.texture.dispose();
+    this.atlas.dispose();
+    this.bends?.dispose();
+    if (this.lattice instanceof BrickLattice) this.lattice.pages.dispose();
+  }
+
+  /** What a shader has to know of it. */
+  variant(gradients: boolean): MemberVariant {
+    return {
+      form: this.lattice instanceof BrickLattice ? "bricks" : "cells",
+      stored: this.stored,
+      columns: this.atlas.layout.columns,
+      bendColumns: gradients && this.bends !== null ? this.bends.layout.columns : null,
+    };
   }
 
   /** Fill the uniforms of `shader.ts`. */
   describe(uniforms: Record<string, IUniform>, gain: Vector3): void {
-    const { lower, upper, resolution, scale } = this.info;
-    const [width, height, depth] = this.layout.size;
+    const { lower, upper, resolution, scale, bendScale } = this.info;
+    const { atlas, bends, lattice } = this;
     const vector = (name: string) => uniforms[name]!.value as ThreeVector;
-    uniforms["field"]!.value = this.texture;
-    vector("fieldLower").set(...lower);
-    vector("fieldPerMetre").set(
-      resolution[0] / (upper[0] - lower[0]),
-      resolution[1] / (upper[1] - lower[1]),
-      resolution[2] / (upper[2] - lower[2]),
-    );
-    vector("fieldCells").set(...resolution);
-    vector("fieldTexel").set(1 / width, 1 / height, 1 / depth);
-    (uniforms["fieldStep"]!.value as Vector2).set(resolution[0] / width, resolution[1] / height);
-    vector("fieldGain").set(scale * gain[0], scale * gain[1], scale * gain[2]);
+    const steps = (name: string, { layout }: Atlas) => {
+      const [width, height, depth] = layout.size;
+      vector(`${name}Texel`).set(1 / width, 1 / height, 1 / depth);
+      (uniforms[`${name}Step`]!.value as Vector2).set(lattice.tile[0] / width, lattice.tile[1] / height);
+    };
+    uniforms[""]!.value = atlas.texture;
+    vector("Lower").set(...lower);
+    vector("PerMetre").set(...(upper.map((high, k) => resolution[k]! / (high - lower[k]!)) as [number, number, number]));
+    vector("Cells").set(...resolution);
+    steps("", atlas);
+    vector("Gain").set(scale * gain[0], scale * gain[1], scale * gain[2]);
+    if (bends !== null) {
+      uniforms["Bends"]!.value = bends.texture;
+      steps("Bend", bends);
+      uniforms["BendScale"]!.value = bendScale! / scale;
+    }
+    if (lattice instanceof BrickLattice) {
+      uniforms["Pages"]!.value = lattice.pages;
+      vector("LastBlock").set(...lattice.blocks).subScalar(1);
+      vector("Depths").set(...lattice.depths);
+      vector("Nodes").set(...lattice.nodes);
+    }
   }
 
-  /** Coefficients at a point, `(stored², 3)`: trilinear between cell centres, constant beyond the outermost. */
-  sample(point: Vector3): Float32Array {
-    const { lower, upper, resolution, scale } = this.info;
+  /**
+   * Coefficients at a point, `(stored², 3)`: trilinear between cell centres, with gradients by the half-gradient rule;
+   * constant beyond the outermost.
+   */
+  sample(point: Vector3, gradients = true): Float32Array {
+    const { scale, bendScale } = this.info;
     const count = this.stored * this.stored;
-    const groups = count >> 2;
-    const result = new Float32Array(3 * count);
-    const low = [0, 0, 0];
-    const fraction = [0, 0, 0];
-    for (let axis = 0; axis < 3; axis++) {
-      const cells = resolution[axis]!;
-      const place = ((point[axis]! - lower[axis]!) / (upper[axis]! - lower[axis]!)) * cells - 0.5;
-      const inside = Math.min(Math.max(place, 0), cells - 1);
-      low[axis] = Math.min(Math.floor(inside), Math.max(cells - 2, 0));
-      fraction[axis] = inside - low[axis]!;
-    }
-    for (let corner = 0; corner < 8; corner++) {
-      let weight = scale;
-      const at = [0, 0, 0];
-      for (let axis = 0; axis < 3; axis++) {
-        const far = (corner >> axis) & 1;
-        weight *= far === 1 ? fraction[axis]! : 1 - fraction[axis]!;
-        at[axis] = low[axis]! + far;
-      }
-      if (weight === 0) continue;
-      const texel = 4 * ((at[2]! * resolution[1] + at[1]!) * resolution[0] + at[0]!);
-      for (let i = 0; i < count; i++) {
-        for (let channel = 0; channel < 3; channel++) {
-          const lone = i >> 2 === groups;
-          const tile = this.tiles[lone ? 3 * groups : 3 * (i >> 2) + channel]!;
-          const bits = tile[texel + (lone ? channel : i & 3)]!;
-          result[3 * i + channel]! += weight * DataUtils.fromHalfFloat(bits);
+    const sum = new Float32Array(3 * count);
+    const { low, fraction } = this.lattice.locate(point);
+    /** Add an atlas, filtered along all axes but one, where it is the lower texel's. */
+    const add = (atlas: Atlas, first: number, factor: number, still: number | null) => {
+      for (let corner = 0; corner < 8; corner++) {
+        if (still !== null && ((corner >> still) & 1) === 1) continue;
+        let weight = factor;
+        const at: [number, number, number] = [...low];
+        for (let axis = 0; axis < 3; axis++) {
+          if (axis === still) continue;
+          const far = (corner >> axis) & 1;
+          weight *= far === 1 ? fraction[axis]! : 1 - fraction[axis]!;
+          at[axis]! += far;
         }
+        if (weight !== 0) atlas.add(sum, count, first, atlas.texel(...at), weight);
       }
+    };
+    add(this.atlas, 0, scale, null);
+    if (gradients && this.bends !== null) {
+      fraction.forEach((f, axis) => add(this.bends!, axis * tileCount(this.stored), bendScale! * f * (1 - f), axis));
     }
-    return result;
+    return sum;
   }
-}
-
-function tooLarge({ resolution, bytes }: GridInfo, reason: string): string {
-  const size = resolution.join(" × ");
-  return `The grid of ${size} cells (${(bytes / 2 ** 20).toFixed(0)} MiB) is too large to draw: ${reason}. Make one with fewer cells.`;
-}
-
-/** What a grid's attributes say; raises `Error` where the page cannot draw it, with the reason in words. */
-export function describeGrid(id: string, attributes: Record<string, unknown>): GridInfo {
-  if (attributes["format"] !== REGULAR) {
-    const adaptive = String(attributes["format"]).includes("adaptive");
-    throw new Error(
-      adaptive
-        ? "This grid is adaptive, which the page does not draw. Open the regular grid of the same job."
-        : `This is no regular grid (${REGULAR}).`,
-    );
-  }
-  const triple = (name: string): Vector3 => {
-    const value = attributes[name];
-    if (!Array.isArray(value) || value.length !== 3 || !value.every(Number.isFinite)) {
-      throw new Error(`The grid's attribute ${name} is missing or damaged; make it anew.`);
-    }
-    return value as unknown as Vector3;
-  };
-  const resolution = triple("resolution");
-  const bands = Number(attributes["bands"]);
-  const tiles = tileCount(Math.min(bands, PAGE_BANDS));
-  return {
-    id,
-    lower: triple("lower_m"),
-    upper: triple("upper_m"),
-    resolution,
-    bands,
-    units: String(attributes["units"] ?? "relative"),
-    scale: Number(attributes["gpu_tiles_scale"] ?? 1),
-    bytes: tiles * resolution[0] * resolution[1] * resolution[2] * BYTES_OF_TEXEL,
-  };
-}
-
-/** Arrange the grid's tiles; raises `Error` where the GPU does not take so many. */
-export function arrange(info: GridInfo, limits: Limits): AtlasLayout {
-  const layout = atlasLayout(info.resolution, tileCount(Math.min(info.bands, PAGE_BANDS)), limits.largest);
-  if (layout === null) throw new Error(tooLarge(info, `textures here have at most ${limits.largest} texels along an axis`));
-  if (info.bytes > limits.bytes) throw new Error(tooLarge(info, `the page takes ${limits.bytes / 2 ** 20} MiB`));
-  return layout;
-}
-
-export interface Progress {
-  (share: number, info: GridInfo): void;
-}
-
-/** Read a grid below the address of its Zarr folder. Raises `Error` with the reason in words. */
-export async function loadField(folder: URL, id: string, limits: Limits, signal: AbortSignal, progress: Progress): Promise<Field> {
-  const info = describeGrid(id, await readAttributes(folder, signal));
-  const layout = arrange(info, limits);
-  progress(0, info);
-  const array = await TileArray.open(below(folder, "gpu_tiles"), signal);
-  const [tiles, z, y, x] = array.shape;
-  if (tiles !== tileCount(info.bands) || [x, y, z].some((size, axis) => size !== info.resolution[axis])) {
-    throw new Error("The grid's tiles do not fit its resolution and bands; make it anew.");
-  }
-  const stored = Math.min(info.bands, PAGE_BANDS);
-  const more = info.bands > PAGE_BANDS;
-  // Of a grid with more bands, the next three tiles hold the last coefficient that the page draws.
-  const wanted = more ? tileCount(stored) + 2 : tileCount(stored);
-  const read: Uint16Array[] = [];
-  let next = 0;
-  let done = 0;
-  const reader = async () => {
-    while (next < wanted) {
-      const index = next++;
-      read[index] = await array.tile(index, signal);
-      progress(++done / wanted, info);
-    }
-  };
-  await Promise.all(Array.from({ length: AT_ONCE }, reader));
-  if (more) read.push(firstLanes(read.splice(-3) as [Uint16Array, Uint16Array, Uint16Array]));
-  return new Field(info, stored, layout, read);
-}
-
-/** One tile with red, green and blue of the coefficient in the first lanes of three. */
-function firstLanes([red, green, blue]: [Uint16Array, Uint16Array, Uint16Array]): Uint16Array {
-  const tile = new Uint16Array(red.length);
-  for (let i = 0; i < tile.length; i += 4) {
-    tile[i] = red[i]!;
-    tile[i + 1] = green[i]!;
-    tile[i + 2] = blue[i]!;
-  }
-  return tile;
 }

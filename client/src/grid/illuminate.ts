@@ -4,39 +4,51 @@ import type { Illumination } from "../materials.ts";
 import { PAGE_BANDS, withBands, type Vector3 } from "../sh.ts";
 import type { LightSource } from "../view.ts";
 import type { Field } from "./field.ts";
-import { modulate, type Modulation } from "./modulate.ts";
+import { modulate, type Method, type Modulation } from "./modulate.ts";
 
 export interface Lighting {
   illumination: Illumination;
   modulation: Modulation | null;
 }
 
+/** What the light of grids depends on besides themselves. */
+export interface Circumstances {
+  /** Where the object is: what surrounds it there stands behind the picture and is what the exposure is metered on. */
+  place: Vector3;
+  /** Where the live probe stands. */
+  probe: Vector3;
+  /** Whether gradients are used, where a grid has them. */
+  gradients: boolean;
+  /** How the live light changed the grids a moment before. */
+  before: Method | null;
+}
+
 const UNIT: Vector3 = [1, 1, 1];
 
-/**
- * The light to draw; `null` where what it needs has not come yet. `place` is where the object is: what surrounds it there
- * stands behind the picture and is what the exposure is metered on.
- */
-export function illuminate(source: LightSource, live: Float32Array | null, field: Field | null, place: Vector3): Lighting | null {
+/** The light to draw; `null` where what it needs has not come yet. The `fields` are light groups: they add up. */
+export function illuminate(
+  source: LightSource,
+  live: Float32Array | null,
+  fields: readonly Field[],
+  { place, probe, gradients, before }: Circumstances,
+): Lighting | null {
   if (source === "stream") {
     if (live === null) return null;
     const distant = withBands(live, PAGE_BANDS);
-    return { illumination: { distant, field: null, gain: UNIT, surround: distant }, modulation: null };
+    return { illumination: { distant, fields: [], gradients, surround: distant }, modulation: null };
   }
-  if (field === null) return null;
-  const here = withBands(field.sample(place), PAGE_BANDS);
-  if (source === "grid" || live === null) {
-    return { illumination: { distant: null, field, gain: UNIT, surround: here }, modulation: null };
-  }
-  const modulation = modulate(withBands(live, PAGE_BANDS), withBands(field.sample(probePlace(field)), PAGE_BANDS));
-  const { gain, rest, method } = modulation;
-  const surround = here.map((value, i) => gain[i % 3]! * value + rest[i]!);
-  const distant = method === "gain" ? null : rest;
-  return { illumination: { distant, field, gain, surround }, modulation };
+  if (fields.length === 0) return null;
+  const at = (point: Vector3) => fields.map((field) => withBands(field.sample(point, gradients), PAGE_BANDS));
+  const modulation = source === "both" && live !== null ? modulate(withBands(live, PAGE_BANDS), at(probe), before) : null;
+  const gains = modulation?.gains ?? fields.map(() => UNIT);
+  const distant = modulation?.rest ?? null;
+  const surround = Float32Array.from(distant ?? new Float32Array(3 * PAGE_BANDS * PAGE_BANDS));
+  at(place).forEach((here, k) => here.forEach((value, i) => (surround[i]! += gains[k]![i % 3]! * value)));
+  const lit = fields.map((field, k) => ({ field, gain: gains[k]! }));
+  return { illumination: { distant, fields: lit, gradients, surround }, modulation };
 }
 
-/** Where the live probe stands in the grid: in its middle, as nothing says otherwise. */
-function probePlace({ info: { lower, upper } }: Field): Vector3 {
-  return [(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, (lower[2] + upper[2]) / 2];
+/** The middle of a grid. */
+export function middleOf({ lower, upper }: { lower: Vector3; upper: Vector3 }): Vector3 {
+  return lower.map((low, k) => (low + upper[k]!) / 2) as unknown as Vector3;
 }
-

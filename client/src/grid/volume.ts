@@ -1,4 +1,4 @@
-// What is seen of a grid: its box, the slice that is looked at, and on it sample spheres lit by the field.
+// What is seen of grids: the first one's box, the slice that is looked at, and on it sample spheres lit by all of them.
 
 import {
   BufferAttribute,
@@ -17,7 +17,7 @@ import {
 import { WITHOUT_NEGATIVES, basisValues, literal } from "../glsl.ts";
 import type { LightUniforms } from "../materials.ts";
 import { lambertFactors, withBands, type Vector3 } from "../sh.ts";
-import type { Axis } from "../view.ts";
+import type { Axis, View } from "../view.ts";
 import type { Field } from "./field.ts";
 import type { GridInfo } from "./info.ts";
 
@@ -35,13 +35,12 @@ const number = (i: number): string => `lane${i >> 2}.${"xyzw"[i & 3]}`;
 const factors = lambertFactors(BANDS);
 const sum = Array.from({ length: BANDS * BANDS }, (_, i) => {
   const colour = [0, 1, 2].map((channel) => number(4 + 3 * i + channel)).join(", ");
-  return `${literal(factors[Math.floor(Math.sqrt(i))]!)} * n${i} * (fieldScale * vec3(${colour}) + rest[${i}])`;
+  return `${literal(factors[Math.floor(Math.sqrt(i))]!)} * n${i} * (vec3(${colour}) + rest[${i}])`;
 }).join(" +\n    ");
 
 const VERTEX = /* glsl */ `
 ${Array.from({ length: LANES }, (_, lane) => `attribute vec4 lane${lane};`).join("\n")}
 uniform vec3 rest[25];
-uniform vec3 fieldScale;
 varying vec3 irradiance;
 void main() {
   ${basisValues("n", "position", BANDS)}
@@ -90,6 +89,11 @@ export class Volume {
   private readonly buffer = new InstancedInterleavedBuffer(new Float32Array(STRIDE * MOST_ALONG * MOST_ALONG), STRIDE);
   private readonly spheres: Mesh<InstancedBufferGeometry, ShaderMaterial>;
   private shown = "";
+  private places: Vector3[] = [];
+  private radius = 0;
+  /** The light of each field at each place. */
+  private looked: Float32Array[][] = [];
+  private gains = "";
 
   constructor(private readonly light: LightUniforms) {
     const sphere = new SphereGeometry(1, 16, 11);
@@ -102,7 +106,7 @@ export class Volume {
     const material = new ShaderMaterial({
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
-      uniforms: { rest: light.light, fieldScale: { value: [1, 1, 1] } },
+      uniforms: { rest: light.light },
     });
     this.spheres = new Mesh(geometry, material);
     this.spheres.frustumCulled = this.box.frustumCulled = this.frame.frustumCulled = false;
@@ -110,20 +114,29 @@ export class Volume {
     this.group.visible = false;
   }
 
-  /** Show this field's box and slice; spheres that the object would cover (a ball of `clear`) are left out. */
-  show(field: Field, axis: Axis, slice: number, probes: boolean, clear: { middle: Vector3; radius: number } | null): void {
+  /** Show the first field's box and slice; spheres that the object would cover (a ball of `clear`) are left out. */
+  show(
+    fields: readonly Field[],
+    { sliceAxis: axis, slice, probes, gradients }: Pick<View, "sliceAxis" | "slice" | "probes" | "gradients">,
+    clear: { middle: Vector3; radius: number } | null,
+  ): void {
     this.group.visible = true;
     this.spheres.visible = probes;
-    const key = JSON.stringify([field.texture.id, axis, slice, probes, clear]);
+    const key = JSON.stringify([fields.map(({ atlas }) => atlas.texture.id), axis, slice, probes, gradients, clear]);
     if (key === this.shown) return;
     this.shown = key;
-    const { lower, upper } = field.info;
+    const { lower, upper } = fields[0]!.info;
     setEdges(this.box, lower, upper);
     const k = AXES.indexOf(axis);
     const at = lower[k]! + slice * (upper[k]! - lower[k]!);
     const flat = (corner: Vector3) => corner.map((value, i) => (i === k ? at : value)) as unknown as Vector3;
     setEdges(this.frame, flat(lower), flat(upper));
-    if (probes) this.place(field, axis, slice, clear);
+    if (!probes) return;
+    const { places, radius } = samplePlaces(fields[0]!.info, axis, slice);
+    this.radius = radius;
+    this.places = places.filter((place) => clear === null || distance(place, clear.middle) > clear.radius + radius);
+    this.looked = fields.map((field) => this.places.map((place) => withBands(field.sample(place, gradients), BANDS)));
+    this.gains = "";
   }
 
   hide(): void {
@@ -131,22 +144,21 @@ export class Volume {
     this.shown = "";
   }
 
-  /** The field is multiplied with that. */
-  setGain(gain: Vector3): void {
-    this.spheres.material.uniforms["fieldScale"]!.value = gain;
+  /** The fields are multiplied with that. */
+  setGains(gains: readonly Vector3[]): void {
     this.spheres.material.uniforms["rest"]!.value = this.light.light.value;
-  }
-
-  private place(field: Field, axis: Axis, slice: number, clear: { middle: Vector3; radius: number } | null): void {
-    const { places, radius } = samplePlaces(field.info, axis, slice);
-    const seen = places.filter((place) => clear === null || distance(place, clear.middle) > clear.radius + radius);
+    const key = JSON.stringify(gains);
+    if (key === this.gains || !this.spheres.visible) return;
+    this.gains = key;
     const data = this.buffer.array as Float32Array;
-    seen.forEach((place, i) => {
-      data.set([...place, radius], STRIDE * i);
-      data.set(withBands(field.sample(place), BANDS), STRIDE * i + 4);
+    this.places.forEach((place, i) => {
+      data.set([...place, this.radius], STRIDE * i);
+      for (let j = 0; j < 3 * BANDS * BANDS; j++) {
+        data[STRIDE * i + 4 + j] = this.looked.reduce((sum, light, k) => sum + gains[k]![j % 3]! * light[i]![j]!, 0);
+      }
     });
     this.buffer.needsUpdate = true;
-    this.spheres.geometry.instanceCount = seen.length;
+    this.spheres.geometry.instanceCount = this.places.length;
   }
 }
 

@@ -1,6 +1,7 @@
 import { Box3, SphericalHarmonics3, type Mesh, type Vector3, type WebGLRenderer } from "three";
 
-import { limitsOf, loadField, type Field } from "../grid/field.ts";
+import type { Field } from "../grid/field.ts";
+import { limitsOf, loadField, tooLarge } from "../grid/load.ts";
 import { DARKNESS, LightUniforms } from "../materials.ts";
 import { PAGE_BANDS } from "../sh.ts";
 import { toLightwell, toSphericalHarmonics3, toThree } from "./axes.ts";
@@ -16,6 +17,8 @@ export interface GridOptions {
   exponent?: number;
   /** Where the field is looked up: `vertex` (default) is fast and asks for fine meshes, `fragment` is exact. */
   sampling?: "vertex" | "fragment";
+  /** Whether the grid's gradients are used, where it has any; true by default. They quadruple the cost of a look-up. */
+  gradients?: boolean;
   /** Is told the share that has arrived, 0 … 1. */
   onProgress?: (share: number) => void;
   signal?: AbortSignal;
@@ -42,6 +45,7 @@ export class LightwellGrid {
     private readonly field: Field,
     private readonly yUp: boolean,
     private readonly exponent: number,
+    private readonly gradients: boolean,
     sampling: "vertex" | "fragment",
   ) {
     const { lower, upper } = field.info;
@@ -63,21 +67,26 @@ export class LightwellGrid {
     const signal = options.signal ?? new AbortController().signal;
     const id = folder.pathname.split("/").filter(Boolean).at(-1) ?? "grid";
     const field = await loadField(folder, id, limitsOf(renderer), signal, (share) => options.onProgress?.(share));
-    field.upload(renderer);
-    return new LightwellGrid(field, options.yUp ?? true, options.exponent ?? 12, options.sampling ?? "vertex");
+    if (!field.upload(renderer)) {
+      field.dispose();
+      throw new Error(tooLarge(field.info, "the graphics memory does not suffice"));
+    }
+    const { yUp = true, exponent = 12, gradients = true, sampling = "vertex" } = options;
+    return new LightwellGrid(field, yUp, exponent, gradients, sampling);
   }
 
   /** Multiply the light: exposure, or a lamp that is dimmed. */
   setGain(red: number, green: number, blue: number): void {
-    const gain = [red, green, blue] as const;
-    this.uniforms.set({ distant: null, field: this.field, gain, surround: DARKNESS }, PAGE_BANDS, this.exponent);
+    const fields = [{ field: this.field, gain: [red, green, blue] as const }];
+    const { gradients } = this;
+    this.uniforms.set({ distant: null, fields, gradients, surround: DARKNESS }, PAGE_BANDS, this.exponent);
     this.surfaces.refresh();
   }
 
   /** The light at a place of the page, as three's `LightProbe` takes it (`probe.sh`): for meshes with other materials. */
   sample(place: Vector3, target = new SphericalHarmonics3()): SphericalHarmonics3 {
     const point = this.yUp ? toLightwell(place) : place.toArray();
-    return toSphericalHarmonics3(this.field.sample(point), this.yUp, target);
+    return toSphericalHarmonics3(this.field.sample(point, this.gradients), this.yUp, target);
   }
 
   /** Give a mesh a material that takes the light of each of its places. */

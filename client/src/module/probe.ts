@@ -63,7 +63,7 @@ export class LightwellProbe {
     if (newest === null || newest === this.shown) return false;
     this.shown = newest;
     const distant = withBands(newest.coefficients, PAGE_BANDS);
-    this.uniforms.set({ distant, field: null, gain: [1, 1, 1], surround: DARKNESS }, PAGE_BANDS, this.exponent);
+    this.uniforms.set({ distant, fields: [], gradients: false, surround: DARKNESS }, PAGE_BANDS, this.exponent);
     toSphericalHarmonics3(distant, this.yUp, this.light.sh);
     this.surfaces.refresh();
     return true;

@@ -3,6 +3,7 @@ import { useEffect } from "preact/hooks";
 
 import { here, words } from "../api.ts";
 import { nowMs } from "../clock.ts";
+import { MOST_GROUPS } from "../grid/info.ts";
 import { ago, bytes, point } from "../jobs/words.ts";
 import { getGrid, sampleGrid, type GridSummary, type JsonObject, type PointSample } from "../rest.ts";
 import { grids, gridsProblem, refreshResults } from "../results.ts";
@@ -128,29 +129,57 @@ function GridDetails({ grid }: { grid: GridSummary }) {
   );
 }
 
+/** Add a grid to the one that is shown, or take it away again. */
+function GroupButton({ id }: { id: string }) {
+  const { grid, groups, light } = view.value;
+  if (light === "stream" || grid === null || grid === id) return null;
+  if (groups.includes(id)) {
+    return (
+      <button type="button" onClick={() => change({ groups: groups.filter((item) => item !== id) })}>
+        Remove group
+      </button>
+    );
+  }
+  return groups.length < MOST_GROUPS - 1 ? (
+    <button
+      type="button"
+      title="Another group of lamps over the same space: its light is added to that of the grid that is shown"
+      onClick={() => change({ groups: [...groups, id] })}
+    >
+      Add as light group
+    </button>
+  ) : null;
+}
+
 function GridCard({ grid }: { grid: GridSummary }) {
-  const { grid: chosen, light } = view.value;
-  const isShown = chosen === grid.id && light !== "stream";
+  const { grid: chosen, groups, light } = view.value;
+  const isFirst = chosen === grid.id && light !== "stream";
+  const isShown = isFirst || (groups.includes(grid.id) && light !== "stream");
   const open = useSignal(false);
   return (
     <article class={isShown ? "card chosen" : "card"} aria-label={gridLabel(grid)} data-testid="grid">
       <header>
         <h3>{gridLabel(grid)}</h3>
-        {isShown && <span class="badge good">shown</span>}
+        {isShown && <span class="badge good">{isFirst ? "shown" : "light group"}</span>}
       </header>
       <p class="muted" title={grid.id}>
         {ago(grid.finished_ns, nowMs())}, {bytes(grid.bytes)}
       </p>
       <div class="buttons">
-        {isShown ? (
+        {isFirst ? (
           <button type="button" onClick={() => change({ light: "stream", camera: null })}>
             Back to the stream
           </button>
         ) : (
-          <button type="button" class="primary" onClick={() => change({ grid: grid.id, light: "grid", at: null, camera: null })}>
+          <button
+            type="button"
+            class="primary"
+            onClick={() => change({ grid: grid.id, groups: [], light: "grid", at: null, camera: null })}
+          >
             Open
           </button>
         )}
+        <GroupButton id={grid.id} />
       </div>
       <details onToggle={(event) => (open.value = event.currentTarget.open)}>
         <summary>Look into it</summary>

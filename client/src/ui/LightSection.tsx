@@ -1,3 +1,5 @@
+import { MOST_GROUPS } from "../grid/info.ts";
+import type { Method } from "../grid/modulate.ts";
 import { unfinished } from "../jobs/store.ts";
 import { point } from "../jobs/words.ts";
 import { grids } from "../results.ts";
@@ -6,6 +8,7 @@ import { PAGE_BANDS } from "../sh.ts";
 import { change, view, type Axis, type LightSource, type Sampling } from "../view.ts";
 import { Coefficients } from "./Coefficients.tsx";
 import { gridLabel } from "./GridsTab.tsx";
+import { ProbePlace } from "./ProbePlace.tsx";
 import { Choice, Meter, Section, Slider, Toggle, Wrong } from "./controls.tsx";
 
 const SOURCES: { value: LightSource; label: string; hint: string }[] = [
@@ -37,6 +40,11 @@ function chooseSource(light: LightSource): void {
   change({ light, camera, grid });
 }
 
+/** Show another grid, with the same groups beside it. */
+function chooseGrid(grid: string): void {
+  change({ grid, groups: view.peek().groups.filter((id) => id !== grid), at: null });
+}
+
 function GridPicker() {
   const { grid, light } = view.value;
   const list = grids.value ?? [];
@@ -64,7 +72,7 @@ function GridPicker() {
   return (
     <label class="row">
       <span class="label">Grid</span>
-      <select aria-label="Which grid" value={grid ?? ""} onChange={(event) => change({ grid: event.currentTarget.value, at: null })}>
+      <select aria-label="Which grid" value={grid ?? ""} onChange={(event) => chooseGrid(event.currentTarget.value)}>
         {grid === null && <option value="">choose…</option>}
         {grid !== null && !list.some(({ id }) => id === grid) && <option value={grid}>{grid}</option>}
         {list.map((item) => (
@@ -78,7 +86,7 @@ function GridPicker() {
 }
 
 function GridControls() {
-  const { sliceAxis, slice, probes, sampling, at, gizmo } = view.value;
+  const { sliceAxis, slice, probes, sampling, at, gizmo, gradients } = view.value;
   const state = snapshot.value?.grid;
   const info = state?.info ?? null;
   const axis = "xyz".indexOf(sliceAxis);
@@ -123,26 +131,90 @@ function GridControls() {
         onInput={(value) => change({ slice: value })}
         onReset={() => change({ slice: 0.5 })}
       />
+      {state?.gradients === true && (
+        <Toggle
+          label="Gradients"
+          hint="Between its cells the light bends as its gradients say; without them it is straight from cell to cell"
+          checked={gradients}
+          onChange={(checked) => change({ gradients: checked })}
+        />
+      )}
       <Choice label="Look up light at each" value={sampling} options={SAMPLINGS} onChange={(value) => change({ sampling: value })} />
     </>
   );
 }
 
+function labelOf(id: string): string {
+  const found = grids.value?.find((item) => item.id === id);
+  return found === undefined ? id : gridLabel(found);
+}
+
+/** Further grids over the same space, one a group of lamps. */
+function Groups() {
+  const { grid, groups } = view.value;
+  if (grid === null) return null;
+  const more = (grids.value ?? []).filter(({ id }) => id !== grid && !groups.includes(id));
+  return (
+    <>
+      {groups.map((id) => (
+        <p class="row" key={id} data-testid="group">
+          <span class="label">Group</span>
+          <span title={id}>
+            {labelOf(id)}{" "}
+            <button type="button" class="link" aria-label={`Remove ${labelOf(id)}`} onClick={() => change({ groups: groups.filter((item) => item !== id) })}>
+              remove
+            </button>
+          </span>
+        </p>
+      ))}
+      {more.length > 0 && groups.length < MOST_GROUPS - 1 && (
+        <label class="row" title="One capture for each group of lamps, the others off: their lights add up, and each follows the live probe with a gain of its own">
+          <span class="label">Add group</span>
+          <select aria-label="Add a light group" value="" onChange={(event) => change({ groups: [...groups, event.currentTarget.value] })}>
+            <option value="">choose a grid…</option>
+            {more.map((item) => (
+              <option key={item.id} value={item.id}>
+                {gridLabel(item)}
+              </option>
+            ))}
+          </select>
+        </label>
+      )}
+    </>
+  );
+}
+
+const METHODS: Record<Method, { words: string; hint: string }> = {
+  groups: { words: "each group has its gain", hint: "The live light is a mix of the groups, so each lamp is followed by itself" },
+  gain: { words: "one gain for all", hint: "No mix of the groups explains the live light: something is new, or there is one grid" },
+};
+
 /** How well the live light is explained by a change of the field's brightness. */
 function ModulationWords() {
   const modulation = snapshot.value?.modulation ?? null;
+  const { grid, groups } = view.value;
   if (view.value.light !== "both" || modulation === null) return null;
   const percent = 100 * modulation.residual;
+  const names = modulation.method === "groups" ? [grid ?? "", ...groups].map(labelOf) : ["Gain"];
+  const { words, hint } = METHODS[modulation.method];
   return (
     <dl class="facts" data-testid="modulation">
-      <div title="What the field is multiplied with, red, green and blue">
-        <dt>Gain</dt>
-        <dd>{modulation.gain.map((value) => value.toPrecision(3)).join("  ")}</dd>
-      </div>
-      <div title="Share of the live light that no gain of the field explains">
+      {groups.length > 0 && (
+        <div title={hint}>
+          <dt>Method</dt>
+          <dd>{words}</dd>
+        </div>
+      )}
+      {names.map((name, k) => (
+        <div key={name} title="What the grid is multiplied with: red, green, blue">
+          <dt>{name}</dt>
+          <dd>{(modulation.gains[k] ?? []).map((value) => value.toPrecision(3)).join("  ")}</dd>
+        </div>
+      ))}
+      <div title="Share of the live light that the gains do not explain">
         <dt>Unexplained</dt>
         <dd>
-          {percent.toFixed(percent < 10 ? 1 : 0)} %, {modulation.method === "gain" ? "left out" : "added as distant light"}
+          {percent.toFixed(percent < 10 ? 1 : 0)} %, {modulation.rest === null ? "left out" : "added as distant light"}
         </dd>
       </div>
     </dl>
@@ -155,6 +227,8 @@ export function LightSection() {
     <Section title="Light" aside={`${bands ** 2} of ${(snapshot.value?.frame?.bands ?? PAGE_BANDS) ** 2} coefficients`}>
       <Choice label="Light from" value={light} options={SOURCES} onChange={chooseSource} />
       <GridPicker />
+      {light !== "stream" && <Groups />}
+      {light === "both" && <ProbePlace />}
       <ModulationWords />
       {light !== "stream" && view.value.grid !== null && <GridControls />}
       {light !== "grid" && (

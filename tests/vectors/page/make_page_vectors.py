@@ -9,14 +9,19 @@ changes::
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from lightwell.field.adapt import adapt
+from lightwell.field.adaptive import AnyGrid
+from lightwell.field.atlas import make_atlas
 from lightwell.field.grid import Grid
 from lightwell.field.spec import GridSpec
-from lightwell.field.tiles import pack_tiles, unpack_tiles
+from lightwell.field.tiles import pack_bends, pack_tiles, unpack_tiles
 from lightwell.render import DistantLight, FieldLight
 from lightwell.render.light import modulate
 from lightwell.render.material import Material
@@ -50,7 +55,7 @@ def grid_vectors(bands: int, resolution: tuple[int, int, int], scale: float) -> 
         "upper": spec.upper,
         "resolution": resolution,
         "scale": factor,
-        "tiles": [tile.astype("<f2").view("<u2").ravel().tolist() for tile in tiles],
+        "tiles": _halves(tiles),
         "points": points,
         "samples": grid.sample(points).coefficients.tolist(),
         "live": live.tolist(),
@@ -76,6 +81,73 @@ def lobe_vectors() -> list[dict[str, Any]]:
             error = np.sqrt(np.trapezoid((lobe - kept) ** 2, u) / np.trapezoid(lobe**2, u))
             rows.append({"exponent": exponent, "bands": bands, "factors": zonal.tolist(), "error": float(error)})
     return rows
+
+
+def _halves(tiles: NDArray[np.float16]) -> list[list[int]]:
+    return [tile.astype("<f2").view("<u2").ravel().tolist() for tile in tiles]
+
+
+def _places(spec: GridSpec, rng: np.random.Generator) -> list[list[float]]:
+    lower, upper = np.array(spec.lower), np.array(spec.upper)
+    inside = rng.uniform(lower, upper, (10, 3))
+    return [*inside.tolist(), (lower - 1).tolist(), (upper + 1).tolist(), spec.centres()[0, 0, 0].tolist()]
+
+
+def _fine(name: str, grid: AnyGrid, attributes: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    points = _places(grid.spec, rng)
+    common = {"lower_m": grid.spec.lower, "upper_m": grid.spec.upper, "resolution": grid.spec.resolution}
+    return {
+        "name": name,
+        "attributes": common | {"bands": grid.bands} | attributes,
+        "tiles": [],
+        "bends": [],
+        "pages": [],
+        "levels": [],
+        "points": points,
+        "samples": grid.sample(points).coefficients.tolist(),
+    }
+
+
+def bent_vectors(bands: int, resolution: tuple[int, int, int]) -> dict[str, Any]:
+    """A grid with gradients, which are looked up by the half-gradient rule."""
+    rng = np.random.default_rng(bands)
+    spec = GridSpec((-1.0, 0.5, -0.25), (2.0, 1.5, 0.75), resolution)
+    values, bends = rng.normal(size=(2, *spec.shape, bands * bands, 3)).astype(np.float32)
+    tiles, scale = pack_tiles(values)
+    # The gradients are such that halves hold what is made of them: a grid of its own, of bends that are halves.
+    slopes = np.zeros((*spec.shape, bands * bands, 3, 3), np.float32)
+    for axis in range(3):
+        steps = np.cumsum(bends.astype(np.float16).astype(np.float32), axis=2 - axis)
+        slopes[..., axis] = -2 * steps / np.float32(spec.voxel[axis])
+    packed, bend_scale = pack_bends(slopes, spec.voxel)
+    kept = unpack_tiles(tiles, bands * bands, scale)
+    grid = Grid(spec, kept, np.ones(spec.shape, np.float32), None, slopes)
+    attributes = {"format": "lightwell.grid.v1", "gpu_tiles_scale": scale, "gpu_bends_scale": bend_scale}
+    name = f"gradients, {bands} bands, {'x'.join(map(str, resolution))} cells"
+    return _fine(name, grid, attributes, rng) | {"tiles": _halves(tiles), "bends": _halves(packed)}
+
+
+def adaptive_vectors(resolution: tuple[int, int, int]) -> dict[str, Any]:
+    """An adaptive grid of bricks of several sizes."""
+    rng = np.random.default_rng(7)
+    spec = GridSpec((-1.0, 0.5, -0.25), (2.0, 1.5, 0.75), resolution)
+    x, y, z = np.moveaxis(spec.centres(), -1, 0)
+    base, slope = rng.normal(size=(2, 4, 3))
+    values = base + slope * (np.exp(-30 * (x + 1) ** 2 - 9 * z**2) + 0.01 * y)[..., None, None]
+    found = adapt(Grid(spec, values.astype(np.float32), np.ones(spec.shape, np.float32)), 0.05)
+    grid = replace(found, coefficients=found.coefficients.astype(np.float16).astype(np.float32))
+    atlas = make_atlas(grid)
+    attributes = {
+        "format": "lightwell.adaptive-grid.v1",
+        "gpu_bricks_scale": atlas.scale,
+        "gpu_slots": atlas.slots,
+    }
+    own = {
+        "tiles": _halves(atlas.tiles),
+        "pages": grid.pages.ravel().tolist(),
+        "levels": grid.levels.tolist(),
+    }
+    return _fine(f"adaptive, {'x'.join(map(str, resolution))} cells", grid, attributes, rng) | own
 
 
 def group_vectors() -> list[dict[str, Any]]:
@@ -147,6 +219,8 @@ def make() -> dict[str, Any]:
             grid_vectors(4, (2, 2, 2), 1.0),
             grid_vectors(1, (1, 1, 1), 1.0),
         ],
+        "bent": [bent_vectors(2, (3, 4, 2)), bent_vectors(3, (1, 3, 2))],
+        "adaptive": [adaptive_vectors((18, 7, 11)), adaptive_vectors((9, 1, 5))],
         "groups": group_vectors(),
         "lobes": lobe_vectors(),
         "shading": shading_vectors(),
