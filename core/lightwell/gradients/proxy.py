@@ -21,6 +21,9 @@ Floats = NDArray[np.float64]
 class Proxy(Protocol):
     """What light is taken to come from."""
 
+    occludes: bool
+    """Whether parts of it may hide others, so that neighbouring directions may end at different distances."""
+
     def distances(self, origin: ArrayLike, directions: ArrayLike) -> Floats:
         """Return the distances ``(…)`` in metres along unit directions ``(…, 3)`` from ``origin`` ``(3,)``.
 
@@ -34,6 +37,8 @@ class Proxy(Protocol):
 
 class SphereProxy:
     """The inside of a sphere: a dome, a round room, or a guess at how far things are."""
+
+    occludes = False
 
     def __init__(self, radius_m: float, centre_m: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         if not (np.isfinite(radius_m) and radius_m > 0):
@@ -58,6 +63,8 @@ class SphereProxy:
 
 class BoxProxy:
     """The inside of an axis-aligned box: a room."""
+
+    occludes = False
 
     def __init__(self, lower_m: ArrayLike, upper_m: ArrayLike) -> None:
         self.lower_m = _point(lower_m, "the proxy box's lower corner")
@@ -86,6 +93,8 @@ class BoxProxy:
 class MeshProxy:
     """Triangle meshes, by Embree: a scanned or modelled room. Where rays leave it, there is sky."""
 
+    occludes = True
+
     def __init__(self, scene: RayScene) -> None:
         if not any(len(mesh.triangles) for mesh in scene.meshes):
             raise ProxyError("the proxy's mesh has no triangles; name a mesh of the room")
@@ -104,6 +113,8 @@ class DepthProxy:
 
     Nearest pixel: between a near and a far one nothing is seen. What is not positive and finite is sky.
     """
+
+    occludes = True
 
     def __init__(self, mapping: Mapping, depth: ArrayLike) -> None:
         metres = np.asarray(depth, dtype=np.float64)
