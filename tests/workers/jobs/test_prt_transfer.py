@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 import threading
@@ -23,6 +24,7 @@ from lightwell.geometry.mesh import Mesh
 from lightwell.io.glb import encode_glb
 from lightwell.io.meshes import load_meshes
 from lightwell.job_settings import JobsSettings, PrtTransferSettings
+from lightwell.transfer import kernels
 from lightwell.transfer.compute import compute_transfer
 from lightwell.transfer.directions import make_directions
 from lightwell.transfer.visibility import unshadowed
@@ -31,7 +33,7 @@ from lightwell_workers.jobs.context import JobCancelled, JobContext
 from lightwell_workers.jobs.directory import JobDirectory
 from lightwell_workers.jobs.events import EventLog, read_events
 from lightwell_workers.jobs.prt_plan import estimate, load_scene
-from lightwell_workers.jobs.prt_tasks import load_direct, save_scene, trace_part
+from lightwell_workers.jobs.prt_tasks import compile_kernels, load_direct, save_scene, trace_part
 from lightwell_workers.jobs.prt_transfer import PrtTransfer
 from lightwell_workers.jobs.queue import Queue
 
@@ -160,6 +162,23 @@ def test_the_parts_make_no_difference(tmp_path: Path, mesh: Path) -> None:
     other, _ = run(tmp_path / "other", mesh, **settings | {"checkpoint_seconds": 60})
     for path in one.iterdir():
         assert path.read_bytes() == (other / path.name).read_bytes(), path.name
+
+
+def test_all_kernels_are_compiled_in_the_stage_that_says_so(tmp_path: Path, mesh: Path) -> None:
+    folder = tmp_path / "job"
+    compile_kernels(tmp_path / "cancel", PrtTransferSettings(mesh=str(mesh), mode="interreflected").model_dump_json())
+    before = signatures()
+    run(folder, mesh, mode="interreflected", bounces=1, bands=4)
+    assert signatures() == before
+    events = [event for path in folder.rglob("events.jsonl") for _, event in read_events(path)]
+    stages = [event["stage"] for event in events if event["type"] == "progress"]
+    assert [stage for stage, _ in itertools.groupby(stages)][:3] == ["prepare", "compile", "trace"]
+
+
+def signatures() -> dict[str, int]:
+    """Return how many times each kernel has been compiled in this process."""
+    found = {name: getattr(value, "signatures", None) for name, value in vars(kernels).items()}
+    return {name: len(value) for name, value in found.items() if value is not None}
 
 
 def test_threads_of_a_worker_do_not_disturb_each_other(tmp_path: Path, mesh: Path) -> None:
