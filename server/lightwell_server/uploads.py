@@ -12,6 +12,7 @@ import hashlib
 import os
 import shutil
 import sys
+import threading
 import time
 import unicodedata
 import uuid
@@ -58,6 +59,10 @@ class Uploads:
         self.root = (data_dir / "uploads").absolute()
         self._min_free = min_free_mb * MEGABYTE
         self._inspecting = asyncio.Semaphore(INSPECTIONS)
+        self._lock = threading.Lock()
+        """Held while a folder appears or goes, and while room is looked for."""
+        self._arriving: dict[Path, int] = {}
+        """Bytes that each file on its way has been given room for."""
         if self.root.is_dir():
             for unfinished in self.root.glob(f"{INCOMING}*"):  # of a server that was killed
                 shutil.rmtree(unfinished, ignore_errors=True)
@@ -86,10 +91,11 @@ class Uploads:
 
     def delete(self, upload: str) -> None:
         """Delete an upload; raises `UploadUnknownError`."""
-        folder = self.root / self.find(upload).id
-        # Renamed first: what is left of it, if anything, is no upload.
         gone = self.root / f"{INCOMING}{uuid.uuid4().hex}"
-        folder.rename(gone)
+        with self._lock:
+            folder = self.root / self.find(upload).id
+            # Renamed first: what is left of it, if anything, is no upload.
+            folder.rename(gone)
         shutil.rmtree(gone, ignore_errors=True)
 
     async def receive(self, name: str, body: AsyncIterator[bytes], announced: int | None) -> tuple[UploadRecord, bool]:
@@ -107,12 +113,12 @@ class Uploads:
             _, suffix = kind_of(title)
         except UploadError as error:
             raise UploadTypeError(str(error)) from None
-        self._require_room(title, announced or 0)
         incoming = self.root / f"{INCOMING}{uuid.uuid4().hex}"
         try:
+            await asyncio.to_thread(self._take_room, incoming, title, announced or 0, 0)
             await asyncio.to_thread(incoming.mkdir, parents=True)
             file = incoming / (MAP_FILE if suffix == ".exr" else f"file{suffix}")
-            size, sha256 = await self._write(file, title, body)
+            size, sha256 = await self._write(file, title, body, announced or 0)
             known = read_record(self.root / sha256[:ID_LENGTH])
             if known is not None:
                 return known, False
@@ -123,49 +129,57 @@ class Uploads:
                 raise UploadFullError(f"{title}: the disk is full; free space, then send it again") from None
             raise UploadFullError(f"{title}: cannot be kept: {error.strerror or error}") from None
         finally:
+            self._arriving.pop(incoming, None)
             await asyncio.to_thread(shutil.rmtree, incoming, ignore_errors=True)
 
-    def _require_room(self, title: str, more: int) -> None:
+    def _take_room(self, incoming: Path, title: str, size: int, written: int) -> None:
+        """Give a file that is on its way room for ``size`` bytes, of which ``written`` are on the disk."""
+        with self._lock:
+            self._require_room(incoming, title, size, written)
+            self._arriving[incoming] = size
+
+    def _require_room(self, incoming: Path, title: str, size: int, written: int) -> None:
         limit = self.settings.max_mb * MEGABYTE
-        if more > limit:
+        if size > limit:
             raise UploadTooLargeError(
-                f"{title}: has {more} bytes; at most {self.settings.max_mb} MB are taken ([uploads] max_mb): "
+                f"{title}: has {size} bytes; at most {self.settings.max_mb} MB are taken ([uploads] max_mb): "
                 "simplify the mesh or shrink the map"
             )
         used = sum(record.bytes for record in self.all())
-        if used + more > self.settings.quota_mb * MEGABYTE:
+        used += sum(bytes_ for place, bytes_ in self._arriving.items() if place != incoming)
+        if used + size > self.settings.quota_mb * MEGABYTE:
             raise UploadFullError(
                 f"{title}: uploads use {used // MEGABYTE} MB of {self.settings.quota_mb} MB ([uploads] quota_mb): "
                 "delete some, or raise the quota"
             )
         existing = next(path for path in (self.root, *self.root.parents) if path.exists())
         free = shutil.disk_usage(existing).free
-        if free - more < self._min_free:
+        if free - (size - written) < self._min_free:
             raise UploadFullError(
                 f"{title}: the disk has {free // MEGABYTE} MB free and must keep {self._min_free // MEGABYTE} MB "
                 "([server] min_free_mb): free space, then send it again"
             )
 
-    async def _write(self, path: Path, title: str, body: AsyncIterator[bytes]) -> tuple[int, str]:
+    async def _write(self, path: Path, title: str, body: AsyncIterator[bytes], announced: int) -> tuple[int, str]:
         """Write what comes; return its size and SHA-256."""
         digest, size, waiting = hashlib.sha256(), 0, bytearray()
 
         def flush(data: bytes) -> None:
             digest.update(data)
             file.write(data)
+            file.flush()
+            self._take_room(path.parent, title, max(announced, size), size)
 
         with await asyncio.to_thread(path.open, "wb") as file:
             async for chunk in body:
                 size += len(chunk)
                 if size > self.settings.max_mb * MEGABYTE:
-                    self._require_room(title, size)
+                    await asyncio.to_thread(self._take_room, path.parent, title, size, 0)
                 waiting += chunk
                 if len(waiting) >= WRITE_BYTES:
                     await asyncio.to_thread(flush, bytes(waiting))
-                    self._require_room(title, size)
                     waiting.clear()
             await asyncio.to_thread(flush, bytes(waiting))
-            await asyncio.to_thread(file.flush)
             await asyncio.to_thread(os.fsync, file.fileno())
         if size == 0:
             raise UploadError(f"{title}: is empty")
@@ -221,12 +235,15 @@ class Uploads:
             contents=answer.contents,
         )
         (incoming / RECORD).write_bytes(msgspec.json.format(msgspec.json.encode(record), indent=1))
+        if record.file != file.name:
+            file.unlink()  # the map that was made of it is what is used
         target = self.root / record.id
-        known = read_record(target)  # the same file may have come twice at once
-        if known is not None:
-            return known, False
-        shutil.rmtree(target, ignore_errors=True)
-        incoming.rename(target)
+        with self._lock:
+            known = read_record(target)  # the same file may have come twice at once
+            if known is not None:
+                return known, False
+            shutil.rmtree(target, ignore_errors=True)
+            incoming.rename(target)
         return record, True
 
 
