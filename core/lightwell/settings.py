@@ -10,7 +10,7 @@ import math
 import re
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from lightwell.conventions import DEFAULT_BANDS, DEFAULT_FORWARD, DEFAULT_UP, MAX_STREAM_BANDS, Units
@@ -23,6 +23,7 @@ ProjectionWeights = Literal["solid-angle", "paper", "fejer"]
 Vector3 = tuple[float, float, float]
 
 STREAM_NAME_PATTERN = r"^[a-z0-9][a-z0-9_-]{0,62}$"
+MAX_FIELD_STREAMS = 32
 StreamName = Annotated[str, Field(pattern=STREAM_NAME_PATTERN)]
 
 
@@ -183,6 +184,24 @@ class StreamSettings(Settings):
         return gradients
 
 
+def _each_once(streams: tuple[str, ...]) -> tuple[str, ...]:
+    twice = next((name for name in streams if streams.count(name) > 1), None)
+    if twice is not None:
+        raise PydanticCustomError("twice", "names {name} twice: name each stream once", {"name": repr(twice)})
+    return streams
+
+
+FieldStreams = Annotated[
+    tuple[StreamName, ...], Field(min_length=1, max_length=MAX_FIELD_STREAMS), AfterValidator(_each_once)
+]
+
+
+class FieldSettings(Settings):
+    """Several streams whose probes stand at known places: the light between them."""
+
+    streams: FieldStreams = Field(description="names of the streams that it is made of")
+
+
 def outside_proxy(gradients: GradientsSettings, place: Vector3) -> str:
     """Return why a probe at ``place`` (world metres) is not inside the sphere or the box; empty where it is."""
     if gradients.proxy == "box" and gradients.box_lower_m is not None and gradients.box_upper_m is not None:
@@ -192,7 +211,7 @@ def outside_proxy(gradients: GradientsSettings, place: Vector3) -> str:
     if gradients.proxy == "sphere" and gradients.centre_m is not None and gradients.radius_m is not None:
         distance = math.dist(gradients.centre_m, place)
         if distance >= gradients.radius_m:
-            return f"the sphere has a radius of {gradients.radius_m:g} m; the probe stands {distance:.3g} m from its centre"
+            return f"the sphere's radius is {gradients.radius_m:g} m; the probe is {distance:.3g} m from its centre"
     return ""
 
 
@@ -216,7 +235,7 @@ def complaint(item: ErrorDetails) -> str:
             message = "must be an object, a table of keys and values"
         case "tuple_type" | "list_type":
             message = "must be a list"
-        case "gradients":
+        case "gradients" | "twice":
             return message
         case "too_long":
             message = f"must have at most {item['ctx']['max_length']} values"

@@ -78,6 +78,40 @@ def read_rgb(path: str | Path) -> ExrPicture:
     return ExrPicture(pixels, path.name, _capture_time_ns(header), dict(header))
 
 
+DEPTH_CHANNELS = ("Z", "depth", "Depth", "Y", "V", "R")
+"""Names under which renderers and scanners keep depth, the likeliest first; also in layers."""
+
+
+def read_depth(path: str | Path) -> NDArray[np.float32]:
+    """Read the depth of an OpenEXR file, ``(H, W)``, as it was written.
+
+    The first channel of `DEPTH_CHANNELS` counts, of any part or layer. Outside of the data window it is 0.
+
+    Raises
+    ------
+    FrameError
+        As `read_rgb`.
+    """
+    path = Path(path)
+    _check_is_exr(path)
+    parts = _open(path, header_only=True).parts
+    headers = [part.header for part in parts]
+    chosen = _find_depth(path.name, headers)
+    _check_readable(path.name, headers[chosen.part], chosen)
+    data = _read_channels(path, parts[chosen.part].part_index, chosen)
+    return np.ascontiguousarray(_in_display_window(data, headers[chosen.part])[..., 0], dtype=np.float32)
+
+
+def _find_depth(name: str, headers: list[dict[str, Any]]) -> _Colour:
+    named = [(part, channel.name) for part, header in enumerate(headers) for channel in header["channels"]]
+    for wanted in DEPTH_CHANNELS:
+        for part, channel in named:
+            if channel.rpartition(".")[2] == wanted:
+                return _Colour(part, (channel,) * 3)
+    found = ", ".join(channel for _, channel in named) or "none"
+    raise FrameError(name, f"has no depth: its channels are {found}, one of {', '.join(DEPTH_CHANNELS)} is needed")
+
+
 def _check_is_exr(path: Path) -> None:
     """Raise `FrameError` with a readable reason where the file cannot be OpenEXR at all."""
     require_file(path)

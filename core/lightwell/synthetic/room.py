@@ -32,6 +32,9 @@ from lightwell.conventions import coefficient_count, degree_of_index
 from lightwell.sh.basis import evaluate
 
 Floats = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 WALL_NODES = 96
 """Gauss–Legendre nodes along each side of a wall: doubling them changes no coefficient by more than 1e-13."""
@@ -53,12 +56,15 @@ BALL_COLOURS = ((9.0, 5.5, 2.5), (2.0, 5.0, 9.0), (3.0, 8.0, 3.5), (8.0, 3.0, 7.
 
 @dataclass(frozen=True)
 class Room:
-    """Walls at ``±half_size`` around ``centre`` as seen from the origin, and balls that circle the origin."""
+    """Walls at ``±half_size`` around ``centre`` as seen from the origin, and balls that circle the origin.
+
+    The probe is at the origin unless ``at`` says where it is, ``(3,)`` metres from there (`require_free`).
+    """
 
     half_size: tuple[float, float, float] = (3.0, 2.5, 1.6)
     """Half of the box's extent along x, y and z, metres."""
     centre: tuple[float, float, float] = (0.4, -0.3, 0.2)
-    """The box's centre, metres; the probe is at the origin and must be inside."""
+    """The box's centre, metres; the origin must be inside."""
     lights: int = 2
     """Number of balls."""
     light_radius: float = 0.35
@@ -77,6 +83,31 @@ class Room:
             raise ValueError("lights ≥ 0, light_radius > 0, period_seconds > 0 and 0 ≤ texture ≤ 1 are needed")
         if self.light_radius >= 0.9 * self._orbit_radius():
             raise ValueError(f"the balls must not reach the probe: light_radius < {0.9 * self._orbit_radius():.3g} m")
+
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Return the box's lower and upper corner, metres, ``(3,)`` each."""
+        centre, half = np.array(self.centre), np.array(self.half_size)
+        return centre - half, centre + half
+
+    def require_free(self, at: ArrayLike) -> None:
+        """Raise ``ValueError`` where a probe at ``at`` ``(…, 3)`` is not inside the room, or a ball may reach it."""
+        points = np.asarray(at, dtype=np.float64).reshape(-1, 3)
+        lower, upper = self.bounds()
+        outside = ~((points > lower) & (points < upper)).all(axis=1)
+        if outside.any():
+            place = ", ".join(f"{value:g}" for value in points[outside][0])
+            room = " … ".join("(" + ", ".join(f"{value:g}" for value in corner) + ")" for corner in (lower, upper))
+            raise ValueError(f"the probe at ({place}) m is not inside the room {room} m")
+        if self.lights == 0:
+            return
+        from_orbit = np.abs(np.hypot(points[:, 0], points[:, 1]) - self._orbit_radius())
+        above = np.maximum(np.abs(points[:, 2]) - 0.5 * (self.half_size[2] - abs(self.centre[2])), 0)
+        nearest = float(np.hypot(from_orbit, above).min())
+        if self.light_radius >= 0.9 * nearest:
+            raise ValueError(
+                f"the balls would reach the probe, {nearest:.3g} m from their path: lights=0, a light_radius below "
+                f"{0.9 * nearest:.3g} m or another place is needed"
+            )
 
     def _orbit_radius(self) -> float:
         return 0.6 * min(s - abs(c) for c, s in zip(self.centre[:2], self.half_size[:2], strict=True))
@@ -98,18 +129,18 @@ class Room:
         """Return the radiance through the centre of each ball, ``(lights, 3)``."""
         return np.array([BALL_COLOURS[i % len(BALL_COLOURS)] for i in range(self.lights)]).reshape(-1, 3)
 
-    def radiance(self, directions: ArrayLike, time_seconds: float) -> Floats:
+    def radiance(self, directions: ArrayLike, time_seconds: float, at: Vector = ORIGIN) -> Floats:
         """Return the radiance along unit ``directions`` (…, 3) in world axes, (…, 3)."""
         directions = np.asarray(directions, dtype=np.float64)
         flat = np.ascontiguousarray(directions.reshape(-1, 3))
         out = np.empty((len(flat), 3))
-        _render(flat, np.eye(3), *self._tables(time_seconds), out)
+        _render(flat, np.eye(3), *self._tables(time_seconds, at), out)
         return out.reshape(directions.shape)
 
-    def coefficients(self, bands: int, time_seconds: float) -> Floats:
+    def coefficients(self, bands: int, time_seconds: float, at: Vector = ORIGIN) -> Floats:
         """Return the exact coefficients, ``(bands², 3)``."""
-        total = _wall_coefficients(self, bands).copy()
-        positions = self.light_positions(time_seconds)
+        total = _wall_coefficients(self, bands, at).copy()
+        positions = self.light_positions(time_seconds) - np.array(at)
         for position, colour in zip(positions, self.light_colours(), strict=True):
             distance = float(np.linalg.norm(position))
             zonal = ball_zonal(math.asin(self.light_radius / distance), bands)
@@ -117,15 +148,15 @@ class Room:
             total += (zonal[degree_of_index(bands)] * basis)[:, None] * colour
         return total
 
-    def _tables(self, time_seconds: float) -> tuple[Floats, Floats, Floats, float, Floats, Floats]:
-        positions = self.light_positions(time_seconds)
+    def _tables(self, time_seconds: float, at: Vector) -> tuple[Floats, Floats, Floats, float, Floats, Floats]:
+        positions = self.light_positions(time_seconds) - np.array(at)
         distances = np.linalg.norm(positions, axis=-1)
         lights = np.concatenate(
             [positions / distances[:, None], (self.light_radius / distances)[:, None] ** 2], axis=-1
         )
         return (
             np.array(self.half_size),
-            np.array(self.centre),
+            np.array(self.centre) - np.array(at),
             np.array(self.wall_colours),
             self.texture,
             lights,
@@ -141,12 +172,14 @@ class RoomCamera:
         self._room = room
         self._directions = np.ascontiguousarray(directions, dtype=np.float64)
 
-    def render(self, time_seconds: float, world_from_camera: Floats | None = None) -> NDArray[np.float32]:
+    def render(
+        self, time_seconds: float, world_from_camera: Floats | None = None, at: Vector = ORIGIN
+    ) -> NDArray[np.float32]:
         """Return the radiance at every pixel centre, ``(height, width, 3)``."""
         flat = self._directions.reshape(-1, 3)
         out = np.empty(flat.shape, dtype=np.float32)
         rotation = np.eye(3) if world_from_camera is None else np.ascontiguousarray(world_from_camera)
-        _render(flat, rotation, *self._room._tables(time_seconds), out)
+        _render(flat, rotation, *self._room._tables(time_seconds, at), out)
         return out.reshape(self._directions.shape)
 
 
@@ -167,9 +200,9 @@ def ball_zonal(half_angle: float, bands: int) -> Floats:
 
 
 @lru_cache(maxsize=8)
-def _wall_coefficients(room: Room, bands: int) -> Floats:
+def _wall_coefficients(room: Room, bands: int, at: Vector) -> Floats:
     nodes, weights = np.polynomial.legendre.leggauss(WALL_NODES)
-    half_size, centre = np.array(room.half_size), np.array(room.centre)
+    half_size, centre = np.array(room.half_size), np.array(room.centre) - np.array(at)
     total = np.zeros((coefficient_count(bands), 3))
     for wall in range(6):
         axis, side = wall // 2, 1.0 if wall % 2 == 0 else -1.0

@@ -33,6 +33,8 @@ class Frame:
     """Exact coefficients in world axes, ``(bands², 3)``, where the source knows them."""
     world_from_camera: NDArray[np.float64] | None = None
     """Rotation from the mapping's axes to world axes while the camera turns, ``(3, 3)``; None: it does not turn."""
+    position_m: NDArray[np.float64] | None = None
+    """Where the probe was, ``(3,)`` world metres, where the source knows it; it wins over the stream's settings."""
 
     @property
     def published_capture_time_ns(self) -> int:

@@ -3,7 +3,7 @@
 Three kinds of threads::
 
     capture    pulls frames from the source in order, checks their size, hands them to a reducer
-    reducers   merge → map → downsample → project, two frames at a time, in any order
+    reducers   merge → map → downsample → project → gradients, two frames at a time, in any order
     finish     window → filter → publish, in the order of the frames
 
 A frame is pulled only when a reducer is free: a live source then delivers the newest frame there is, and a recording
@@ -18,17 +18,18 @@ import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from lightwell import wire
 from lightwell.errors import FrameError
-from lightwell.settings import StreamSettings
+from lightwell.settings import GradientsSettings, StreamSettings
 from lightwell_workers.ingest.frame import Frame
 from lightwell_workers.ingest.log import stage_logger
 from lightwell_workers.ingest.sources.base import Source
 from lightwell_workers.ingest.stages.backdrop import BackdropStage
 from lightwell_workers.ingest.stages.finish import Finisher
-from lightwell_workers.ingest.stages.map import SizeGate, make_geometry
+from lightwell_workers.ingest.stages.map import SizeGate, in_closed_form
 from lightwell_workers.ingest.stages.reduce import Reduced, reduce_frame
 
 REDUCERS = 2
@@ -62,12 +63,23 @@ class Counters:
 class Pipeline:
     """Runs the stages on the frames of one source."""
 
-    def __init__(self, source: Source, settings: StreamSettings, stream: str, session: str, sink: Sink) -> None:
+    def __init__(
+        self,
+        source: Source,
+        settings: StreamSettings,
+        stream: str,
+        session: str,
+        sink: Sink,
+        uploads: Path | None = None,
+    ) -> None:
+        """Prepare; ``uploads`` is where the server keeps what it was sent."""
         self.counters = Counters()
         self.settings = settings
         """Those for the frames that come next; replaced as a whole, by `configure` alone."""
         self._source = source
         self._sink = sink
+        self._uploads = uploads
+        self._newest: Frame | None = None
         self._size_gate = SizeGate()
         self._finisher = Finisher(stream, session)
         self._backdrop = BackdropStage(stream, session, sink.show)
@@ -87,8 +99,8 @@ class Pipeline:
         LightwellError
             Where the settings do not suit the stream's pictures; nothing has changed then.
         """
-        if self._size_gate.size is not None:
-            make_geometry(settings, *self._size_gate.size)
+        if self._newest is not None:
+            reduce_frame(self._newest, settings, self._uploads)
         self.settings = settings
 
     def run(self) -> None:
@@ -96,8 +108,8 @@ class Pipeline:
 
         Raises
         ------
-        MappingError
-            Where the pictures cannot belong to the stream's mapping.
+        MappingError, ProxyError, MeshError
+            Where the pictures cannot belong to the stream's mapping, or its gradients' proxy cannot be used.
         """
         self._prepare()
         finishing = threading.Thread(target=self._finish_frames, name="finish", daemon=True)
@@ -118,7 +130,7 @@ class Pipeline:
         if pixels is not None:
             frame = Frame(pixels=pixels, name="", capture_time_ns=0, ingest_time_ns=0)
             with contextlib.suppress(FrameError):  # it is skipped when its turn comes
-                Finisher("", "").finish(reduce_frame(frame, self.settings))
+                Finisher("", "").finish(reduce_frame(frame, _rehearsal(self.settings), self._uploads))
 
     def _capture(self, reducers: ThreadPoolExecutor) -> None:
         frames = iter(self._source)
@@ -130,7 +142,8 @@ class Pipeline:
             self.counters.frames_in += 1
             error = item if isinstance(item, FrameError) else self._size_gate.refusal(item)
             if isinstance(item, Frame) and error is None:
-                self._in_order.put(reducers.submit(reduce_frame, item, self.settings))
+                self._newest = item
+                self._in_order.put(reducers.submit(reduce_frame, item, self.settings, self._uploads))
             elif error is not None:
                 self._skip(error)
                 self._free_reducers.release()
@@ -163,6 +176,18 @@ class Pipeline:
             self.counters.frames_skipped += 1
             self.counters.last_error = str(error)
             self._bad_frames.report(error)
+
+
+def _rehearsal(settings: StreamSettings) -> StreamSettings:
+    """Return settings that load the same kernels and need nothing that only a source's frames know."""
+    wanted = settings.gradients
+    of_the_frame = wanted.proxy == "depth" and "{stem}" in (wanted.depth or "")
+    if settings.position_m is None and wanted.proxy in ("box", "mesh", "sphere") and not in_closed_form(wanted):
+        of_the_frame = True
+    if not of_the_frame:
+        return settings
+    stand_in = GradientsSettings(proxy="sphere", radius_m=1.0, centre_m=(0.0, 0.0, 0.0))
+    return settings.model_copy(update={"gradients": stand_in, "position_m": (0.0, 0.0, 0.0)})
 
 
 class BadFrames:

@@ -76,7 +76,7 @@ def run_worker(
         _Worker(None, settings, stream, url, token, on_status).report_failure(str(error))
         raise
     with source:
-        return _Worker(source, settings, stream, url, token, on_status).run(source)
+        return _Worker(source, settings, stream, url, token, on_status).run(source, uploads)
 
 
 class _Worker:
@@ -118,9 +118,9 @@ class _Worker:
         self._change_state("failed", reason)
         self._deliver(FAREWELL_SECONDS)
 
-    def run(self, source: Source) -> ExitStatus:
+    def run(self, source: Source, uploads: Path | None) -> ExitStatus:
         """Run the pipeline on a thread, and report each second until it ends."""
-        pipeline = Pipeline(source, self._settings, self._stream, self._session, self._publisher)
+        pipeline = Pipeline(source, self._settings, self._stream, self._session, self._publisher, uploads)
         self._pipeline = pipeline
         failures: list[Exception] = []
 

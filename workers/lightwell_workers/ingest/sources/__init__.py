@@ -14,7 +14,7 @@ from lightwell_workers.ingest.sources.url import SourceUrl, parse_source_url
 def _exr(url: SourceUrl, mapping: MappingSettings) -> Source:
     from lightwell_workers.ingest.sources.exr import open_exr
 
-    return open_exr(url)
+    return open_exr(url, mapping=mapping)
 
 
 def _video(url: SourceUrl, mapping: MappingSettings) -> Source:
@@ -42,7 +42,7 @@ SCHEMES = (*_OPENERS, "upload")
 def open_source(url: str, mapping: MappingSettings | None = None, uploads: Path | None = None) -> Source:
     """Open the source that ``url`` names.
 
-    ``mapping`` is the stream's: sources that render their pictures render them in it, the others ignore it.
+    ``mapping`` is the stream's: sources that render their pictures render them in it, captures must have it.
     ``uploads``: where the server keeps what it was sent.
 
     Raises

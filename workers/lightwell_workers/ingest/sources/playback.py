@@ -36,6 +36,7 @@ class Picture:
     clip_level: float = LARGEST_HALF
     truth: NDArray[np.float64] | None = None
     world_from_camera: NDArray[np.float64] | None = None
+    position_m: NDArray[np.float64] | None = None
 
 
 class EndOfRecordingError(Exception):
@@ -260,4 +261,5 @@ def _frame(picture: Picture, source_ms: float, capture_time_ns: int, ingest_time
         clip_level=picture.clip_level,
         truth=picture.truth,
         world_from_camera=picture.world_from_camera,
+        position_m=picture.position_m,
     )

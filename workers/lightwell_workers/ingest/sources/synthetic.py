@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import math
+import time
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from lightwell.conventions import MAX_STREAM_BANDS
 from lightwell.errors import LightwellError, SourceError
 from lightwell.probe.factory import make_mapping
 from lightwell.settings import MappingSettings, Settings
-from lightwell.synthetic.room import Room, RoomCamera
+from lightwell.synthetic.room import ORIGIN, Room, RoomCamera
 from lightwell_workers.ingest.sources.clock import Clock
 from lightwell_workers.ingest.sources.playback import NANOSECONDS, READERS, Picture, Playback
 from lightwell_workers.ingest.sources.url import SourceUrl, parse_options
 
 SCENES = ("room",)
+WALL_SECONDS = 86400.0
+"""The wall clock's time starts anew after a day: sines of small numbers are exact."""
+PLACES_CHECKED = 65
+"""Of a path, evenly spaced."""
+
+
+def _point(value: Any) -> Any:  # noqa: ANN401
+    """Take ``x,y,z``."""
+    return tuple(value.split(",")) if isinstance(value, str) else value
+
+
+Point = Annotated[tuple[float, float, float], BeforeValidator(_point)]
 
 
 class RoomOptions(Settings):
@@ -34,13 +48,26 @@ class RoomOptions(Settings):
     texture: float = Field(0.5, ge=0, le=1, description="contrast of the walls' texture")
     noise: float = Field(0.0, ge=0, description="standard deviation of the samples' noise, relative to each sample")
     seed: int = Field(0, ge=0, description="seed of the noise")
+    wall: bool = Field(False, description="lights where the wall clock has them: the rooms of several streams agree")
     spin: float = Field(0.0, description="turns per second of the camera about world +Z")
+    at: Point = Field(ORIGIN, description="where the probe is, x,y,z in metres")
+    to: Point | None = Field(None, description="where it moves to and back from, x,y,z in metres")
+    travel: float = Field(4.0, gt=0, description="seconds for the way there")
+
+    def position(self, time_seconds: float) -> tuple[float, float, float]:
+        """Return where the probe is: it starts and stops softly at both ends."""
+        if self.to is None:
+            return self.at
+        share = 0.5 - 0.5 * math.cos(math.pi * time_seconds / self.travel)
+        x, y, z = ((1 - share) * a + share * b for a, b in zip(self.at, self.to, strict=True))
+        return x, y, z
 
 
 def open_synthetic(url: SourceUrl, mapping: MappingSettings, clock: Clock | None = None) -> Playback:
     """Open the room, rendered in the stream's mapping.
 
-    Camera pictures are those of a probe that is small against the room.
+    Camera pictures are those of a probe that is small against the room. The room stands in world axes, so that each
+    frame has a position; two sources of one room with the same lights, ``at`` different places, see the same light.
 
     Raises
     ------
@@ -69,6 +96,8 @@ class _RoomReader:
             period_seconds=options.period,
             texture=options.texture,
         )
+        path = [options.at] if options.to is None else np.linspace(options.at, options.to, PLACES_CHECKED)
+        self._room.require_free(path)
         height = options.height or (options.width // 2 if mapping_settings.kind == "latlong" else options.width)
         mapping = make_mapping(mapping_settings, height, options.width)
         x, y = mapping.pixel_centres()
@@ -77,11 +106,12 @@ class _RoomReader:
         self._unseen = None if seen.all() else ~seen
 
     def read(self, position: int) -> Picture:
-        time_seconds = position / self._options.fps
+        time_seconds = time.time() % WALL_SECONDS if self._options.wall else position / self._options.fps
         world_from_camera = None
         if self._options.spin:
             world_from_camera = _turn_about_z(2 * math.pi * self._options.spin * time_seconds)
-        pixels = self._camera.render(time_seconds, world_from_camera)
+        at = self._options.position(time_seconds)
+        pixels = self._camera.render(time_seconds, world_from_camera, at)
         if self._options.noise:
             generator = np.random.default_rng((self._options.seed, position))
             pixels *= 1 + np.float32(self._options.noise) * generator.standard_normal(pixels.shape, dtype=np.float32)
@@ -90,8 +120,9 @@ class _RoomReader:
         return Picture(
             pixels=pixels,
             name=f"room {position}",
-            truth=self._room.coefficients(MAX_STREAM_BANDS, time_seconds),
+            truth=self._room.coefficients(MAX_STREAM_BANDS, time_seconds, at),
             world_from_camera=world_from_camera,
+            position_m=np.array(at),
         )
 
     def close(self) -> None:

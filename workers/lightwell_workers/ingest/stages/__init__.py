@@ -1,1 +1,1 @@
-"""The stages between source and socket, in order: merge, map, downsample, project, window, filter, publish."""
+"""The stages from source to socket, in order: merge, map, downsample, project, gradients, window, filter, publish."""

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lightwell import wire
+from lightwell.conventions import degree_of_index
 from lightwell.errors import FrameError
 from lightwell.settings import FilterSettings, WindowSettings
 from lightwell.sh.dominant import split_dominant
-from lightwell.sh.temporal import TemporalFilter, make_filter
+from lightwell.sh.temporal import Place, TemporalFilter, make_filter
 from lightwell.sh.window import WindowStage
 from lightwell_workers.ingest.stages.reduce import Reduced
 
@@ -45,7 +48,8 @@ class Finisher:
         with times.measure("window"):
             windowed, weights, strength = window.update(reduced.coefficients, frame.capture_time_ns)
         with times.measure("filter"):
-            filtered = temporal.update(windowed, frame.capture_time_ns, frame.world_from_camera)
+            place = _place(reduced, weights)
+            filtered = temporal.update(windowed, frame.capture_time_ns, frame.world_from_camera, place)
         return wire.Frame(
             stream=self._stream,
             session=self._session,
@@ -59,6 +63,9 @@ class Finisher:
             window=wire.WindowUsed(
                 kind=settings.window.kind, weights=[float(weight) for weight in weights], strength=float(strength)
             ),
+            position=None if place.position_m is None else _vector(place.position_m),
+            gradients=None if temporal.gradients is None else wire.pack_coefficients(temporal.gradients),
+            trust_radius_m=place.reach_m if temporal.gradients is not None and math.isfinite(place.reach_m) else None,
             dominant=_dominant(filtered),
             quality=wire.Quality(
                 nan=reduced.counts.nan,
@@ -84,8 +91,22 @@ class Finisher:
         return self._window, self._filter
 
 
+def _place(reduced: Reduced, weights: NDArray[np.float64]) -> Place:
+    """Return where the frame was taken and how its windowed light changes there: windowed alike."""
+    position = reduced.frame.position_m
+    if position is None and reduced.settings.position_m is not None:
+        position = np.array(reduced.settings.position_m)
+    slope = reduced.slope
+    if slope is None:
+        return Place(position_m=position)
+    windowed = slope.gradients * weights[degree_of_index(len(weights)), np.newaxis, np.newaxis]
+    return Place(windowed, position, slope.trust_radius_m)
+
+
 def _require_sendable(reduced: Reduced) -> None:
     largest = float(np.abs(reduced.coefficients).max())
+    if reduced.slope is not None:
+        largest = max(largest, float(np.abs(reduced.slope.gradients).max()))
     if not largest <= LARGEST_COEFFICIENT:  # NaN is not either
         reason = f"gives a coefficient of {largest:.3g}, above {LARGEST_COEFFICIENT:g}: are its samples damaged?"
         raise FrameError(reduced.frame.name, reason)

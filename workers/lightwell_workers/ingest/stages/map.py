@@ -12,7 +12,7 @@ from lightwell.probe.downsample import Downsampler
 from lightwell.probe.factory import make_mapping
 from lightwell.probe.mapping import Mapping
 from lightwell.probe.projection import Projector, projector
-from lightwell.settings import StreamSettings
+from lightwell.settings import GradientsSettings, StreamSettings
 from lightwell_workers.ingest.frame import Frame
 
 RECENT_FRAMES = 10
@@ -33,6 +33,7 @@ class Geometry:
     downsampler: Downsampler | None
     """None where whole frames are projected."""
     projector: Projector
+    """Has one band more than the stream where its gradients are those of a sphere that goes with the probe."""
     blind_fraction: float
     """Share of the sphere that the probe does not see."""
 
@@ -56,9 +57,16 @@ def make_geometry(settings: StreamSettings, height: int, width: int) -> Geometry
     return Geometry(
         mapping=mapping,
         downsampler=downsampler,
-        projector=projector(reduced, settings.bands, settings.weights, settings.mapping.blind),
+        projector=projector(
+            reduced, settings.bands + in_closed_form(settings.gradients), settings.weights, settings.mapping.blind
+        ),
         blind_fraction=(1.0 - math.cos(mapping.blind_half_angle)) / 2.0,
     )
+
+
+def in_closed_form(gradients: GradientsSettings) -> bool:
+    """Return whether the gradients follow from the coefficients alone (MATHS §7.7)."""
+    return gradients.proxy == "sphere" and gradients.centre_m is None
 
 
 class SizeGate:

@@ -1,15 +1,18 @@
-"""The stages that need no order: a frame goes in, its coefficients come out (merge, map, downsample, project)."""
+"""The stages that need no order: a frame goes in, its coefficients come out (merge … gradients)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.conventions import coefficient_count
 from lightwell.probe.samples import SampleCounts
 from lightwell.settings import StreamSettings
 from lightwell_workers.ingest.frame import Frame, Pixels
+from lightwell_workers.ingest.stages.gradients import Slope, measure_slope
 from lightwell_workers.ingest.stages.map import Geometry, make_geometry
 from lightwell_workers.ingest.stages.merge import merge
 from lightwell_workers.ingest.stages.timing import StageTimes
@@ -27,17 +30,21 @@ class Reduced:
     geometry: Geometry
     coefficients: NDArray[np.float64]
     """In the mapping's axes, ``(bands², 3)``, not windowed or filtered."""
+    slope: Slope | None
+    """How they change with the probe's place, in the mapping's axes; None where that is not measured."""
     counts: SampleCounts
     times: StageTimes
 
 
-def reduce_frame(frame: Frame, settings: StreamSettings) -> Reduced:
+def reduce_frame(frame: Frame, settings: StreamSettings, uploads: Path | None = None) -> Reduced:
     """Run the order-free stages on one frame; safe on several threads at once.
+
+    ``uploads`` is where the server keeps what it was sent.
 
     Raises
     ------
-    MappingError
-        Where the picture's size cannot belong to the mapping.
+    MappingError, ProxyError
+        Where the picture's size cannot belong to the mapping, or the stream's proxy cannot be used.
     """
     times = StageTimes()
     times.stage_ms["source"] = frame.source_ms
@@ -48,13 +55,18 @@ def reduce_frame(frame: Frame, settings: StreamSettings) -> Reduced:
     with times.measure("downsample"):
         reduced = pixels if geometry.downsampler is None else geometry.downsampler(pixels)
     with times.measure("project"):
-        coefficients = geometry.projector.project(reduced) * settings.gain
+        projected = geometry.projector.project(reduced) * settings.gain
+    slope = None
+    if settings.gradients.proxy != "none":
+        with times.measure("gradients"):
+            slope = measure_slope(frame, settings, geometry, reduced, projected, uploads)
     return Reduced(
         frame=frame,
         settings=settings,
         pixels=pixels,
         geometry=geometry,
-        coefficients=coefficients,
+        coefficients=projected[: coefficient_count(settings.bands)],
+        slope=slope,
         counts=counts,
         times=times,
     )

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Literal
 
-Stage = Literal["source", "merge", "map", "downsample", "project", "window", "filter", "publish"]
+Stage = Literal["source", "merge", "map", "downsample", "project", "gradients", "window", "filter", "publish"]
 
 AVERAGE_WEIGHT = 0.05
 """Weight of the newest frame in the moving average: it follows a change within about twenty frames."""
