@@ -9,23 +9,29 @@ It needs numpy, websockets, httpx and msgspec only. A renderer follows a stream 
             upload(frame.coefficients)  # (9, 3) float32
             print(frame.seq, frame.latency_seconds, frame.missed)
 
-`AsyncLightStream` is the same for asyncio, `Lightwell` the client of the REST API. `render` makes pictures of scene
+`AsyncLightStream` is the same for asyncio, `Field` the light between several probes (`AsyncField` for asyncio), and
+`Lightwell` the client of the REST API. `render` makes pictures of scene
 files; it imports the core's renderer when it is called.
 """
 
 from lightwell_client.backdrop import BackdropPicture
 from lightwell_client.errors import ConnectionLostError, LightTimeoutError, ProblemError, RefusedError
+from lightwell_client.field import AsyncField, Field, FieldLight
 from lightwell_client.frames import LightFrame
 from lightwell_client.jobs import GridSample, Job, JobEstimate
 from lightwell_client.rendering import render
-from lightwell_client.rest import Lightwell, Stream
+from lightwell_client.rest import FieldSample, Lightwell, Stream
 from lightwell_client.stream import AsyncLightStream
 from lightwell_client.sync import LightStream
 
 __all__ = [
+    "AsyncField",
     "AsyncLightStream",
     "BackdropPicture",
     "ConnectionLostError",
+    "Field",
+    "FieldLight",
+    "FieldSample",
     "GridSample",
     "Job",
     "JobEstimate",

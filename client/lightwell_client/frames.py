@@ -7,10 +7,11 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lightwell.conventions import Convention, Units
-from lightwell.wire import DominantLight, Frame, Quality, WindowUsed, unpack_coefficients
+from lightwell.gradients.extrapolate import extrapolate
+from lightwell.wire import DominantLight, Frame, Quality, WindowUsed, unpack_coefficients, unpack_gradients
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,12 @@ class LightFrame:
     dominant: DominantLight | None
     quality: Quality
     gradients: NDArray[np.float32] | None
-    """``(bands², 3, 3)``: coefficient, channel, ∂/∂(x, y, z) per metre; None where the source measures none."""
+    """``(bands², 3, 3)``: coefficient, channel, ∂/∂(x, y, z) per metre, in the convention's axes; None where the stream
+    measures none or they were not asked for (``gradients=True``)."""
+    position: NDArray[np.float64] | None
+    """``(3,)`` metres in the convention's axes: where the probe stood; None where that is not known."""
+    trust_radius_m: float | None
+    """How far from there `at` is right to about ten per cent, metres; None: not known, or the light is far."""
     truth: NDArray[np.float32] | None
     """Exact coefficients, where the source knows them (synthetic rooms)."""
     source_frame: str
@@ -54,6 +60,24 @@ class LightFrame:
         """
         return (self.received_time_ns - self.capture_time_ns) / 1e9
 
+    def at(self, offset: ArrayLike) -> NDArray[np.float32]:
+        """Return the coefficients ``(…, bands², 3)`` at ``offset`` ``(…, 3)`` metres from the probe.
+
+        ``c + G·offset``, the step cut short for each colour so that its mean radiance keeps at least 30 %
+        (MATHS §7.4). Axes are the convention's.
+
+        Raises
+        ------
+        ValueError
+            Where the frame has no gradients.
+        """
+        if self.gradients is None:
+            raise ValueError(
+                f"this frame of {self.stream!r} has no gradients: follow the stream with gradients=True, and give it a "
+                "proxy ([streams.NAME.gradients])"
+            )
+        return extrapolate(self.coefficients, self.gradients, offset).astype(np.float32)
+
     @classmethod
     def from_wire(
         cls, frame: Frame, *, mapping: str, received_time_ns: int, missed: int, from_hello: bool = False
@@ -62,9 +86,9 @@ class LightFrame:
         coefficients = unpack_coefficients(frame.coefficients)
         if len(coefficients) != frame.bands**2:
             raise ValueError(f"{len(coefficients)} coefficients do not fit {frame.bands} bands")
-        gradients = None
-        if frame.gradients is not None:
-            gradients = np.frombuffer(frame.gradients, dtype="<f4").reshape(frame.bands**2, 3, 3)
+        gradients = None if frame.gradients is None else unpack_gradients(frame.gradients)
+        if gradients is not None and len(gradients) != frame.bands**2:
+            raise ValueError(f"gradients of {len(gradients)} coefficients do not fit {frame.bands} bands")
         return cls(
             stream=frame.stream,
             session=frame.session,
@@ -78,6 +102,8 @@ class LightFrame:
             dominant=frame.dominant,
             quality=frame.quality,
             gradients=gradients,
+            position=None if frame.position is None else np.array(frame.position),
+            trust_radius_m=frame.trust_radius_m,
             truth=None if frame.truth is None else unpack_coefficients(frame.truth),
             source_frame=frame.source_frame,
             capture_time_ns=frame.capture_time_ns,
@@ -107,6 +133,9 @@ class LightFrame:
             "window_weights": self.window.weights,
             "mapping": self.mapping,
             "coefficients": self.coefficients.tolist(),
+            "position": None if self.position is None else self.position.tolist(),
+            "gradients": None if self.gradients is None else self.gradients.tolist(),
+            "trust_radius_m": self.trust_radius_m,
             "dominant": None if self.dominant is None else msgspec.to_builtins(self.dominant),
             "quality": msgspec.to_builtins(self.quality),
             "source_frame": self.source_frame,

@@ -34,7 +34,7 @@ class Inbox:
 
     def put(self, frame: Frame, received_time_ns: int, *, from_hello: bool = False) -> None:
         """Keep a frame; one that has been here before (the newest, shown again after a reconnect) is dropped."""
-        name = (frame.session, frame.seq, frame.convention, frame.bands)
+        name = (frame.session, frame.seq, frame.convention, frame.bands, frame.gradients is None)
         if name == self._last:
             return
         self._last = name

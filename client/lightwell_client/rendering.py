@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from lightwell.conventions import Convention
 from lightwell.errors import LightwellError
+from lightwell_client.follow import DEFAULT_SERVER
 from lightwell_client.rest import Lightwell
-from lightwell_client.stream import DEFAULT_SERVER
 
 if TYPE_CHECKING:
     from lightwell.field.adaptive import AnyGrid

@@ -9,14 +9,14 @@ from urllib.parse import quote
 import httpx
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lightwell.conventions import Convention, Units
 from lightwell.loopback import is_loopback
 from lightwell.wire import DominantLight, Quality
 from lightwell_client.errors import ConnectionLostError, ProblemError
+from lightwell_client.follow import DEFAULT_SERVER
 from lightwell_client.jobs import JobRoutes
-from lightwell_client.stream import DEFAULT_SERVER
 
 Typed = TypeVar("Typed")
 
@@ -85,6 +85,61 @@ class Latest(msgspec.Struct, frozen=True, eq=False):
     """``(bands², 3)`` float32."""
     quality: Quality
     dominant: DominantLight | None = None
+    position: tuple[float, float, float] | None = None
+    """Metres, in the convention's axes."""
+    gradients: NDArray[np.float32] | None = None
+    """``(bands², 3, 3)`` per metre, where asked for and measured."""
+    trust_radius_m: float | None = None
+
+
+class FieldMember(msgspec.Struct):
+    """One stream of a field."""
+
+    stream: str
+    state: str
+    used: bool
+    """Whether its light is in the field now."""
+    problem: str
+    """Why not, and the remedy."""
+    position_m: tuple[float, float, float] | None
+    gradients: bool
+    trust_radius_m: float | None
+
+
+class FieldInfo(msgspec.Struct):
+    """Several streams whose probes stand at known places."""
+
+    name: str
+    origin: str
+    revision: int
+    streams: list[str]
+    members: list[FieldMember]
+    subscribers: int
+
+
+class _FieldList(msgspec.Struct):
+    fields: list[FieldInfo]
+
+
+class FieldPoint(msgspec.Struct, frozen=True, eq=False):
+    """The light at one point."""
+
+    at: tuple[float, float, float]
+    coefficients: NDArray[np.float32]
+    """``(bands², 3)`` float32."""
+
+
+class FieldSample(msgspec.Struct, frozen=True, eq=False):
+    """The light of a field at some points."""
+
+    field: str
+    method: str
+    convention: Convention
+    units: Units
+    bands: int
+    gradients: bool
+    points: list[FieldPoint]
+    members: list[FieldMember]
 
 
 class Lightwell(JobRoutes):
@@ -148,9 +203,11 @@ class Lightwell(JobRoutes):
         """Delete a stream that was made through the API."""
         self._request("DELETE", _path(name))
 
-    def latest(self, name: str, *, convention: Convention = "lightwell", bands: int | None = None) -> Latest:
+    def latest(
+        self, name: str, *, convention: Convention = "lightwell", bands: int | None = None, gradients: bool = False
+    ) -> Latest:
         """Return the newest coefficients; a `ProblemError` with status 404 where there has been no frame yet."""
-        query: dict[str, str | int] = {"convention": convention}
+        query: dict[str, str | int] = {"convention": convention, "gradients": gradients}
         if bands is not None:
             query["bands"] = bands
         return self._typed(Latest, self._request("GET", f"{_path(name)}/latest", params=query))
@@ -161,6 +218,50 @@ class Lightwell(JobRoutes):
             return self._request("GET", "/healthz").status_code == httpx.codes.OK
         except ConnectionLostError:
             return False
+
+    def fields(self) -> list[FieldInfo]:
+        """Return all fields, by name."""
+        return self._typed(_FieldList, self._request("GET", "/api/v1/fields")).fields
+
+    def field(self, name: str) -> FieldInfo:
+        """Return one field: which of its streams give light now, and why the others do not."""
+        return self._typed(FieldInfo, self._request("GET", _path(name, "fields")))
+
+    def create_field(self, name: str, streams: list[str]) -> FieldInfo:
+        """Combine streams whose probes stand at known places; the field survives a restart of the server."""
+        body = {"name": name, "streams": streams}
+        return self._typed(FieldInfo, self._request("POST", "/api/v1/fields", json=body))
+
+    def update_field(self, name: str, streams: list[str]) -> FieldInfo:
+        """Make a field of other streams."""
+        return self._typed(FieldInfo, self._request("PATCH", _path(name, "fields"), json={"streams": streams}))
+
+    def delete_field(self, name: str) -> None:
+        """Delete a field that was made through the API; its streams stay."""
+        self._request("DELETE", _path(name, "fields"))
+
+    def sample_field(
+        self,
+        name: str,
+        points: ArrayLike,
+        *,
+        method: str = "barycentric",
+        convention: Convention = "lightwell",
+        bands: int | None = None,
+    ) -> FieldSample:
+        """Return the light at points ``(n, 3)`` or ``(3,)``, world metres, from the newest frames.
+
+        A `ProblemError` with status 404 where no stream of the field gives light.
+        """
+        places = np.asarray(points, dtype=np.float64).reshape(-1, 3).tolist()
+        query: dict[str, Any] = {
+            "at": [",".join(repr(value) for value in place) for place in places],
+            "method": method,
+            "convention": convention,
+        }
+        if bands is not None:
+            query["bands"] = bands
+        return self._typed(FieldSample, self._request("GET", f"{_path(name, 'fields')}/sample", params=query))
 
     def readiness(self) -> Readiness:
         """Return whether every source is fresh and the disk has room, and the reasons where not."""
@@ -198,5 +299,5 @@ def _array(kind: type, value: object) -> NDArray[np.float32]:
     return np.array(value, dtype=np.float32)
 
 
-def _path(name: str) -> str:
-    return f"/api/v1/streams/{quote(name, safe='')}"
+def _path(name: str, kind: str = "streams") -> str:
+    return f"/api/v1/{kind}/{quote(name, safe='')}"

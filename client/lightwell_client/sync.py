@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
-import threading
-from collections.abc import Callable, Coroutine
-from types import TracebackType
-from typing import Any, Self, TypeVar
+from collections.abc import Callable
+from typing import Self
 
 from lightwell.conventions import Convention
 from lightwell.wire import StreamInfo, StreamStatus
 from lightwell_client.backdrop import BackdropPicture
+from lightwell_client.blocking import Blocking
+from lightwell_client.follow import DEFAULT_SERVER
 from lightwell_client.frames import LightFrame
-from lightwell_client.stream import DEFAULT_SERVER, AsyncLightStream
-
-Result = TypeVar("Result")
+from lightwell_client.stream import AsyncLightStream
 
 
-class LightStream:
+class LightStream(Blocking):
     """The light of one stream, as it comes; a thread of its own receives it, so nothing piles up while you render.
 
     A context manager and iterator over `LightFrame`::
@@ -46,6 +43,7 @@ class LightStream:
         bands: int | None = None,
         convention: Convention = "lightwell",
         max_fps: float | None = None,
+        gradients: bool = False,
         newest: bool = True,
         reconnect: bool = True,
         timeout: float | None = None,
@@ -61,6 +59,7 @@ class LightStream:
             bands=bands,
             convention=convention,
             max_fps=max_fps,
+            gradients=gradients,
             newest=newest,
             reconnect=reconnect,
             timeout=timeout,
@@ -70,28 +69,12 @@ class LightStream:
             on_backdrop=on_backdrop,
             on_connection=on_connection,
         )
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._thread: threading.Thread | None = None
+        super().__init__(self._follower, stream)
 
     @property
     def missed(self) -> int:
         """Frames that this program did not get so far, overtaken at the server or here."""
         return self._follower.missed
-
-    @property
-    def connected(self) -> bool:
-        """Whether there is a connection now."""
-        return self._follower.connected
-
-    @property
-    def reconnects(self) -> int:
-        """Connections after the first."""
-        return self._follower.reconnects
-
-    @property
-    def last_error(self) -> str:
-        """Why the last connection ended; empty while there is one."""
-        return self._follower.last_error
 
     @property
     def info(self) -> StreamInfo | None:
@@ -102,26 +85,6 @@ class LightStream:
     def status(self) -> StreamStatus | None:
         """The source's last status."""
         return self._follower.status
-
-    def __enter__(self) -> Self:
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(
-            target=self._loop.run_forever, name=f"light {self._follower.stream}", daemon=True
-        )
-        self._thread.start()
-        self._call(self._follower.__aenter__())
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        assert self._loop is not None
-        assert self._thread is not None
-        self._call(self._follower.__aexit__(None, None, None))
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-        self._loop.close()
-        self._loop = None
 
     def __iter__(self) -> Self:
         return self
@@ -142,18 +105,12 @@ class LightStream:
         return self._call(newest())
 
     def change(
-        self, *, bands: int | None = None, convention: Convention | None = None, max_fps: float | None = None
+        self,
+        *,
+        bands: int | None = None,
+        convention: Convention | None = None,
+        max_fps: float | None = None,
+        gradients: bool | None = None,
     ) -> None:
         """Ask for something else without reconnecting; what is left out stays."""
-        self._call(self._follower.change(bands=bands, convention=convention, max_fps=max_fps))
-
-    def _call(self, coroutine: Coroutine[Any, Any, Result]) -> Result:
-        if self._loop is None:
-            coroutine.close()
-            raise RuntimeError("use the stream as a context manager: with LightStream(…) as light")
-        future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
-        try:
-            return future.result()
-        except KeyboardInterrupt:
-            future.cancel()
-            raise
+        self._call(self._follower.change(bands=bands, convention=convention, max_fps=max_fps, gradients=gradients))

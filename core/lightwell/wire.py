@@ -369,3 +369,17 @@ def unpack_coefficients(data: bytes) -> NDArray[np.float32]:
         raise ValueError(f"{len(data)} bytes are no whole number of RGB float32 coefficients")
     bands_of_count(len(data) // 12)
     return np.frombuffer(data, dtype="<f4").reshape(-1, 3)
+
+
+def unpack_gradients(data: bytes) -> NDArray[np.float32]:
+    """Return the ``(bands², 3, 3)`` float32 array of a frame's gradients: coefficient, channel, axis.
+
+    Raises
+    ------
+    ValueError
+        Where the length is no whole number of bands.
+    """
+    if len(data) % 36:
+        raise ValueError(f"{len(data)} bytes are no whole number of RGB float32 gradients")
+    bands_of_count(len(data) // 36)
+    return np.frombuffer(data, dtype="<f4").reshape(-1, 3, 3)

@@ -19,11 +19,25 @@ from lightwell_server.body_limit import BodyLimit
 from lightwell_server.captures import Captures
 from lightwell_server.catalogue import Catalogue
 from lightwell_server.config import Config
+from lightwell_server.fields import Fields
 from lightwell_server.head import HeadAsGet
 from lightwell_server.hub import Hub
 from lightwell_server.jobs import Jobs
 from lightwell_server.metrics import Metrics
-from lightwell_server.routes import artifacts, captures, grids, health, jobs, live, page, publish, streams, uploads
+from lightwell_server.routes import (
+    artifacts,
+    captures,
+    field_live,
+    fields,
+    grids,
+    health,
+    jobs,
+    live,
+    page,
+    publish,
+    streams,
+    uploads,
+)
 from lightwell_server.services import Services
 from lightwell_server.session import new_session
 from lightwell_server.store import Store
@@ -74,7 +88,7 @@ def create_app(config: Config, server_url: str, page_directory: Path | None = No
     )
     problems.install(app)
     app.add_middleware(HeadAsGet)
-    for module in (health, streams, live, publish, jobs, captures, artifacts, grids, uploads):
+    for module in (health, streams, live, publish, fields, field_live, jobs, captures, artifacts, grids, uploads):
         app.include_router(module.router, prefix=API)
     app.include_router(health.router, include_in_schema=False)  # where probes and Prometheus look by custom
     page.install(app, page_directory or page.static_directory())
@@ -96,15 +110,18 @@ async def _run(config: Config, store: Store, server_url: str) -> AsyncIterator[S
         uploads=uploads.root,
         log_settings=config.log,
     )
+    catalogue = Catalogue(hub, store, supervisor, config.streams)
+    fields = Fields(catalogue, store, config.fields)
     parts = Services(
         config=config,
         session=session,
         auth=auth,
         store=store,
         hub=hub,
-        metrics=Metrics(hub, supervisor.restarts),
+        metrics=Metrics(hub, supervisor.restarts, fields),
         supervisor=supervisor,
-        catalogue=Catalogue(hub, store, supervisor, config.streams),
+        catalogue=catalogue,
+        fields=fields,
         captures=Captures(store, config.jobs, config.server.data_dir),
         jobs=Jobs(config),
         uploads=uploads,
@@ -112,6 +129,7 @@ async def _run(config: Config, store: Store, server_url: str) -> AsyncIterator[S
     for warning in auth.warnings(config.server.host):
         log.warning(warning, host=config.server.host)
     parts.catalogue.load()
+    parts.fields.load()
     parts.jobs.start()
     sweeping = asyncio.create_task(_sweep(hub))
     try:

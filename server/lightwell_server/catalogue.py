@@ -14,7 +14,7 @@ from typing import Protocol
 import structlog
 from pydantic import JsonValue, ValidationError
 
-from lightwell.settings import StreamSettings
+from lightwell.settings import Settings, StreamSettings
 from lightwell_server.feasible import require_feasible
 from lightwell_server.hub import RESTART_KEYS, Channel, Hub
 from lightwell_server.masking import mask, unmask
@@ -47,13 +47,22 @@ class Entry:
     @property
     def etag(self) -> str:
         """Names these settings in HTTP headers: a digest of what the API shows of them."""
-        shown = self.settings.model_copy(update={"source": mask(self.settings.source)})
-        return f'"{hashlib.sha256(shown.model_dump_json().encode()).hexdigest()[:16]}"'
+        return etag_of(self.settings.model_copy(update={"source": mask(self.settings.source)}))
 
     def require_match(self, if_match: str | None) -> None:
-        """Raise the 412 problem where an ``If-Match`` header (RFC 9110 §13.1.1) names only other settings."""
-        if if_match is not None and not {"*", self.etag} & {tag.strip() for tag in if_match.split(",")}:
-            raise Problem(412, "changed-meanwhile", f"the stream is now version {self.etag}: read it again")
+        """Raise the 412 problem where an ``If-Match`` header names only other settings."""
+        require_match("stream", self.etag, if_match)
+
+
+def etag_of(shown: Settings) -> str:
+    """Return a digest of settings, as HTTP writes it."""
+    return f'"{hashlib.sha256(shown.model_dump_json().encode()).hexdigest()[:16]}"'
+
+
+def require_match(kind: str, etag: str, if_match: str | None) -> None:
+    """Raise the 412 problem where an ``If-Match`` header (RFC 9110 §13.1.1) names only other settings."""
+    if if_match is not None and not {"*", etag} & {tag.strip() for tag in if_match.split(",")}:
+        raise Problem(412, "changed-meanwhile", f"the {kind} is now version {etag}: read it again")
 
 
 class WorkerControl(Protocol):
@@ -81,7 +90,7 @@ class Catalogue:
         """Read the file's streams and the store's, open their channels and start their workers."""
         for name, settings in self._configured.items():
             self._entries[name] = Entry(name, settings, Origin.FILE)
-        for name, row in self._store.all().items():
+        for name, row in self._store.all("streams").items():
             try:
                 settings = StreamSettings.model_validate_json(row.settings)
             except ValidationError as error:
@@ -96,6 +105,10 @@ class Catalogue:
         """Return the streams: those of the file in its order, then the others by name."""
         others = sorted(self._entries.keys() - self._configured.keys())
         return [self._entries[name] for name in (*self._configured, *others) if name in self._entries]
+
+    def find(self, name: str) -> Channel | None:
+        """Return a stream's channel, or None where there is no stream of that name."""
+        return self._hub.get(name) if name in self._entries else None
 
     def entry(self, name: str) -> Entry:
         """Return a stream; raises the 404 problem where there is none of that name."""
@@ -174,7 +187,7 @@ class Catalogue:
                     f"the stream {name!r} is in the configuration file: remove it there,"
                     ' or PATCH {"enabled": false} to stop it',
                 )
-            await asyncio.to_thread(self._store.delete, name)
+            await asyncio.to_thread(self._store.delete, "streams", name)
             if name in self._configured:
                 restored = Entry(name, self._configured[name], Origin.FILE)
                 self._entries[name] = restored
@@ -212,7 +225,9 @@ class Catalogue:
         return channel, settings
 
     async def _keep(self, entry: Entry) -> None:
-        await asyncio.to_thread(self._store.put, entry.name, entry.settings.model_dump_json(), entry.revision)
+        await asyncio.to_thread(
+            self._store.put, "streams", entry.name, entry.settings.model_dump_json(), entry.revision
+        )
         self._entries[entry.name] = entry
         log.info("stream changed", stream=entry.name, revision=entry.revision, source=mask(entry.settings.source))
 

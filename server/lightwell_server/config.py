@@ -7,8 +7,8 @@ Values come from four places; the first that has one wins:
 3. the TOML file: ``--config FILE``, else ``lightwell.toml`` in the working directory where there is one,
 4. the defaults below, which ``lightwell.toml`` lists one by one.
 
-Streams that the API creates or changes are kept in the data directory (`lightwell_server.store`) and win over the
-file's stream of the same name, whole, until they are deleted through the API.
+Streams and fields that the API creates or changes are kept in the data directory (`lightwell_server.store`) and win
+over the file's of the same name, whole, until they are deleted through the API.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, Settings
 
 from lightwell.errors import LightwellError
 from lightwell.job_settings import JobsSettings
-from lightwell.settings import Settings, StreamName, StreamSettings, complaint
+from lightwell.settings import FieldSettings, Settings, StreamName, StreamSettings, complaint
 from lightwell_workers.ingest.log import LogFormat, LogLevel
 
 DEFAULT_FILE = Path("lightwell.toml")
@@ -123,6 +123,7 @@ class Config(BaseSettings):
     uploads: UploadsSettings = UploadsSettings()
     log: LogSettings = LogSettings()
     streams: dict[StreamName, StreamSettings] = Field({}, description="streams by name")
+    fields: dict[StreamName, FieldSettings] = Field({}, description="fields of several streams, by name")
 
     @classmethod
     def settings_customise_sources(

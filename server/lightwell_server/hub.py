@@ -5,7 +5,7 @@ a subscription notes only *that* something new is there, and takes the channel's
 slow subscriber costs nobody memory or time, misses frames, and is told how many. Everything else is an event: it goes
 into a bounded queue, and a subscriber that lets that queue overflow is cut off rather than left with a gap.
 
-Each variant (convention, bands) of a frame is converted and encoded once, when the first subscriber takes it.
+Each variant (convention, bands, gradients) of a frame is converted and encoded once, when a subscriber first takes it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from lightwell.wire import (
 from lightwell_server.config import HubSettings
 from lightwell_server.masking import mask
 from lightwell_server.session import SubscriberState
-from lightwell_server.variants import AS_PUBLISHED, Variant, make_variant
+from lightwell_server.variants import STRIPPED, Variant, make_variant
 
 Cause = Literal["stalled", "queue-full", "deleted", "shutdown"]
 RESTART_KEYS = ("source", "mapping")
@@ -60,7 +60,7 @@ class Ending:
 class Wishes:
     """What a subscriber asked for."""
 
-    variant: Variant = AS_PUBLISHED
+    variant: Variant = STRIPPED
     max_fps: float | None = None
     backdrop: bool = False
 
@@ -106,12 +106,16 @@ class Subscription:
         on_ready: Callable[[], None],
         on_end: Callable[[Ending], None],
         limit: int,
+        *,
+        frames_alone: bool = False,
     ) -> None:
+        """Prepare; ``frames_alone`` leaves out all events but `Missed`."""
         self.channel = channel
         self.wishes = wishes
         self._on_ready = on_ready
         self._on_end = on_end
         self._limit = limit
+        self._frames_alone = frames_alone
         self._events: deque[bytes] = deque()
         self._frame_waits = False
         self._backdrop_waits = False
@@ -125,6 +129,8 @@ class Subscription:
 
     def put_event(self, event: bytes) -> None:
         """Queue something that must not be lost; a full queue ends the subscription."""
+        if self._frames_alone:
+            return
         if len(self._events) >= self._limit:
             self.end(Ending("queue-full", f"{self._limit} events were left untaken"))
             return
@@ -189,7 +195,11 @@ class Subscription:
         """Apply what the subscriber asks for while connected, and show it the newest frame in that form."""
         variant = self.wishes.variant
         self.wishes = Wishes(
-            variant=Variant(wishes.convention or variant.convention, wishes.bands or variant.bands),
+            variant=Variant(
+                wishes.convention or variant.convention,
+                wishes.bands or variant.bands,
+                variant.gradients if wishes.gradients is None else wishes.gradients,
+            ),
             max_fps=wishes.max_fps or self.wishes.max_fps,
             backdrop=self.wishes.backdrop if wishes.backdrop is None else wishes.backdrop,
         )
@@ -257,6 +267,8 @@ class Channel:
             units=settings.units,
             state=self.state,
             backdrop=settings.backdrop.enabled,
+            gradients=settings.gradients.proxy != "none"
+            or (self.latest is not None and self.latest.gradients is not None),
         )
 
     def encoded(self, variant: Variant) -> bytes | None:
@@ -393,6 +405,24 @@ class Hub:
         if wishes.backdrop and channel.backdrop is not None:
             subscription.put_backdrop()
         channel.subscriptions[subscription] = None
+        return subscription
+
+    def follow(
+        self,
+        channel: Channel,
+        variant: Variant,
+        max_fps: float | None,
+        on_ready: Callable[[], None],
+        on_end: Callable[[Ending], None],
+        now: float,
+    ) -> Subscription:
+        """Add a subscriber that gets frames alone, the newest at once; the callbacks are those of `subscribe`."""
+        wishes = Wishes(variant, max_fps)
+        subscription = Subscription(channel, wishes, on_ready, on_end, self.settings.control_queue, frames_alone=True)
+        subscription.last_taken = now
+        channel.subscriptions[subscription] = None
+        if channel.latest is not None:
+            subscription.put_frame()
         return subscription
 
     def sweep(self, now: float, time_ns: int) -> None:

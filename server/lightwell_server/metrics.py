@@ -11,6 +11,7 @@ from prometheus_client.registry import Collector
 
 from lightwell._version import __version__
 from lightwell.wire import Frame
+from lightwell_server.fields import Fields
 from lightwell_server.hub import Channel, Hub
 
 LATENCY_BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
@@ -40,8 +41,9 @@ _FROM_WORKER: dict[str, str] = {
 class Metrics:
     """The registry of one server."""
 
-    def __init__(self, hub: Hub, restarts: Callable[[], dict[str, int]]) -> None:
+    def __init__(self, hub: Hub, restarts: Callable[[], dict[str, int]], fields: Fields) -> None:
         self._registry = CollectorRegistry()
+        self._registry.register(_FieldCollector(fields))
         self._registry.register(_HubCollector(hub, restarts))
         self.jobs: dict[str, int] = {}
         """Jobs by state, as of the last request; empty where the queue has not been used."""
@@ -66,6 +68,31 @@ class Metrics:
     def text(self) -> bytes:
         """Return the exposition text."""
         return generate_latest(self._registry)
+
+
+class _FieldCollector(Collector):
+    """Turns what fields are made of into metrics."""
+
+    def __init__(self, fields: Fields) -> None:
+        self._fields = fields
+
+    def describe(self) -> Iterator[Metric]:
+        """Declare nothing."""
+        return iter(())
+
+    def collect(self) -> Iterator[Metric]:
+        """Return the metrics of this moment."""
+        members = GaugeMetricFamily("lightwell_field_members", "Streams of a field.", labels=["field"])
+        used = GaugeMetricFamily(
+            "lightwell_field_members_used", "Streams of a field that give light now.", labels=["field"]
+        )
+        followers = GaugeMetricFamily("lightwell_field_subscribers", "Subscribers connected now.", labels=["field"])
+        for entry in self._fields.entries():
+            survey = self._fields.survey(entry.name)
+            members.add_metric([entry.name], len(survey))
+            used.add_metric([entry.name], sum(member.frame is not None for member in survey))
+            followers.add_metric([entry.name], self._fields.followers[entry.name])
+        yield from (members, used, followers)
 
 
 class _JobCollector(Collector):

@@ -12,6 +12,7 @@ from lightwell_server.auth import Auth
 from lightwell_server.captures import Captures
 from lightwell_server.catalogue import Catalogue
 from lightwell_server.config import Config
+from lightwell_server.fields import Fields
 from lightwell_server.hub import Hub
 from lightwell_server.jobs import Jobs
 from lightwell_server.metrics import Metrics
@@ -36,6 +37,7 @@ class Services:
     metrics: Metrics
     supervisor: Supervisor
     catalogue: Catalogue
+    fields: Fields
     captures: Captures
     jobs: Jobs
     uploads: Uploads

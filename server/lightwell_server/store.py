@@ -1,7 +1,7 @@
-"""Streams and captures that were made known through the API, in a SQLite file that survives a restart.
+"""Streams, fields and captures that were made known through the API, in a SQLite file that survives a restart.
 
-A stream's row holds its whole settings. It wins over the stream of that name in the configuration file, until it
-is deleted. Writes are transactions in write-ahead mode; a server that is killed loses none that was answered.
+A row of a stream or field holds its whole settings. It wins over what the configuration file has under that name, until
+it is deleted. Writes are transactions in write-ahead mode; a server that is killed loses none that was answered.
 """
 
 from __future__ import annotations
@@ -12,23 +12,25 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from lightwell.errors import LightwellError
 from lightwell_server.config import ConfigError
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+Kind = Literal["streams", "fields"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 class StoreError(LightwellError):
     """A change could not be written, as on a full disk; what was kept before still is."""
 
 
-class StoredStream(NamedTuple):
+class StoredRow(NamedTuple):
     """One row."""
 
     settings: str
-    """`lightwell.settings.StreamSettings` as JSON."""
+    """`lightwell.settings.StreamSettings` or `FieldSettings` as JSON."""
     revision: int
     """Counts the changes, from 1."""
 
@@ -63,35 +65,38 @@ class Store:
         (version,) = self._connection.execute("PRAGMA user_version").fetchone()
         if version > SCHEMA_VERSION:
             raise ConfigError(f"{path}: was written by a newer Lightwell; update, or give another folder with --data")
-        self._connection.execute(
-            "CREATE TABLE IF NOT EXISTS streams"
-            " (name TEXT PRIMARY KEY, settings TEXT NOT NULL, revision INTEGER NOT NULL, changed_ns INTEGER NOT NULL)"
-        )
+        for table in KINDS:
+            self._connection.execute(
+                f"CREATE TABLE IF NOT EXISTS {table} (name TEXT PRIMARY KEY,"
+                " settings TEXT NOT NULL, revision INTEGER NOT NULL, changed_ns INTEGER NOT NULL)"
+            )
         self._connection.execute(
             "CREATE TABLE IF NOT EXISTS captures (id TEXT PRIMARY KEY, directory TEXT NOT NULL) WITHOUT ROWID"
         )
         self._connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
-        self.all()  # a damaged file shows here, where it can be named
+        for kind in KINDS:
+            self.all(kind)  # a damaged file shows here, where it can be named
 
-    def all(self) -> dict[str, StoredStream]:
-        """Return the streams by name."""
+    def all(self, kind: Kind) -> dict[str, StoredRow]:
+        """Return the streams or fields by name."""
+        query = f"SELECT name, settings, revision FROM {kind} ORDER BY name"  # noqa: S608, one of two literals
         with self._lock:
-            rows = self._connection.execute("SELECT name, settings, revision FROM streams ORDER BY name").fetchall()
-        return {name: StoredStream(settings, revision) for name, settings, revision in rows}
+            rows = self._connection.execute(query).fetchall()
+        return {name: StoredRow(settings, revision) for name, settings, revision in rows}
 
-    def put(self, name: str, settings: str, revision: int) -> None:
-        """Keep the settings of a stream; raises `StoreError`."""
+    def put(self, kind: Kind, name: str, settings: str, revision: int) -> None:
+        """Keep the settings of a stream or field; raises `StoreError`."""
         with self._writing() as connection:
             connection.execute(
-                "INSERT INTO streams VALUES (?, ?, ?, ?) ON CONFLICT (name) DO UPDATE SET"
+                f"INSERT INTO {kind} VALUES (?, ?, ?, ?) ON CONFLICT (name) DO UPDATE SET"  # noqa: S608
                 " settings = excluded.settings, revision = excluded.revision, changed_ns = excluded.changed_ns",
                 (name, settings, revision, time.time_ns()),
             )
 
-    def delete(self, name: str) -> None:
-        """Forget a stream; nothing happens where there is none. Raises `StoreError`."""
+    def delete(self, kind: Kind, name: str) -> None:
+        """Forget a stream or field; nothing happens where there is none. Raises `StoreError`."""
         with self._writing() as connection:
-            connection.execute("DELETE FROM streams WHERE name = ?", (name,))
+            connection.execute(f"DELETE FROM {kind} WHERE name = ?", (name,))  # noqa: S608
 
     def captures(self) -> dict[str, str]:
         """Return the folders of the registered captures by id."""

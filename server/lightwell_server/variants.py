@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from lightwell.conventions import Convention, coefficient_count
 from lightwell.sh.engines import convert, convert_directions
-from lightwell.wire import Frame, pack_coefficients, unpack_coefficients
+from lightwell.wire import Frame, Vector3, pack_coefficients, unpack_coefficients, unpack_gradients
 
 
 class Variant(NamedTuple):
@@ -19,24 +17,30 @@ class Variant(NamedTuple):
     convention: Convention = "lightwell"
     bands: int | None = None
     """At most this many bands; None: all that there are."""
+    gradients: bool = False
+    """Whether gradients are sent: they are three times as long as the coefficients."""
 
 
-AS_PUBLISHED = Variant()
+AS_PUBLISHED = Variant(gradients=True)
 """The variant that changes nothing."""
+STRIPPED = Variant()
+"""What who asks for nothing gets."""
 
 
 def make_variant(frame: Frame, variant: Variant) -> Frame:
-    """Return ``frame`` in the convention and with at most the bands of ``variant``; the same object if that is nothing.
+    """Return ``frame`` in the convention and with at most the bands of ``variant``; the same object if nothing changes.
 
     Bands are cut, not windowed again: the window that was used stays with the frame, shortened with it.
     """
     bands = min(variant.bands or frame.bands, frame.bands)
+    if frame.gradients is not None and not variant.gradients:
+        frame = msgspec.structs.replace(frame, gradients=None)
     if bands == frame.bands and variant.convention == frame.convention:
         return frame
     dominant = frame.dominant
     if dominant is not None:
-        x, y, z = convert_directions(dominant.direction, variant.convention, frame.convention).tolist()
-        dominant = msgspec.structs.replace(dominant, direction=(x, y, z))
+        direction = _vector(dominant.direction, frame.convention, variant.convention)
+        dominant = msgspec.structs.replace(dominant, direction=direction)
     return msgspec.structs.replace(
         frame,
         bands=bands,
@@ -44,9 +48,15 @@ def make_variant(frame: Frame, variant: Variant) -> Frame:
         coefficients=_coefficients(frame.coefficients, frame.convention, variant.convention, bands),
         truth=frame.truth and _coefficients(frame.truth, frame.convention, variant.convention, bands),
         gradients=frame.gradients and _gradients(frame.gradients, frame.convention, variant.convention, bands),
+        position=frame.position and _vector(frame.position, frame.convention, variant.convention),
         window=msgspec.structs.replace(frame.window, weights=frame.window.weights[:bands]),
         dominant=dominant,
     )
+
+
+def _vector(vector: Vector3, source: Convention, to: Convention) -> Vector3:
+    x, y, z = convert_directions(vector, to, source).tolist()
+    return x, y, z
 
 
 def _coefficients(packed: bytes, source: Convention, to: Convention, bands: int) -> bytes:
@@ -55,5 +65,5 @@ def _coefficients(packed: bytes, source: Convention, to: Convention, bands: int)
 
 def _gradients(packed: bytes, source: Convention, to: Convention, bands: int) -> bytes:
     """Convert ``(bands², 3, 3)`` derivatives: each one's coefficients, and the axes along which they are taken."""
-    gradients: NDArray[np.float32] = np.frombuffer(packed, dtype="<f4").reshape(-1, 3, 3)[: coefficient_count(bands)]
+    gradients = unpack_gradients(packed)[: coefficient_count(bands)]
     return pack_coefficients(convert_directions(convert(gradients, to, source), to, source))

@@ -11,20 +11,22 @@ import pytest
 from tests.support.server import problem, running_server
 
 from lightwell_server.config import ConfigError
-from lightwell_server.store import SCHEMA_VERSION, Store, StoredStream, StoreError
+from lightwell_server.store import SCHEMA_VERSION, Store, StoredRow, StoreError
 
 
 def test_rows_survive(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "store.sqlite"
     store = Store(path)
-    store.put("hall", '{"source": "a"}', 1)
-    store.put("hall", '{"source": "b"}', 2)
-    store.put("room", "{}", 1)
-    store.delete("room")
-    store.delete("room")
+    store.put("streams", "hall", '{"source": "a"}', 1)
+    store.put("streams", "hall", '{"source": "b"}', 2)
+    store.put("streams", "room", "{}", 1)
+    store.delete("streams", "room")
+    store.delete("streams", "room")
+    store.put("fields", "hall", '{"streams": ["hall"]}', 3)
     store.close()
     again = Store(path)
-    assert again.all() == {"hall": StoredStream('{"source": "b"}', 2)}
+    assert again.all("fields") == {"hall": StoredRow('{"streams": ["hall"]}', 3)}
+    assert again.all("streams") == {"hall": StoredRow('{"source": "b"}', 2)}
     again.close()
 
 
@@ -55,7 +57,7 @@ def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
 def test_a_file_that_is_damaged_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "store.sqlite"
     store = Store(path)
-    store.put("hall", "x" * 10_000, 1)
+    store.put("streams", "hall", "x" * 10_000, 1)
     store.close()
     data = bytearray(path.read_bytes())
     data[4096:] = b"\xff" * (len(data) - 4096)
@@ -84,11 +86,11 @@ def test_a_file_that_is_locked_is_not_to_be_moved_away(tmp_path: Path, monkeypat
 
 def test_a_change_that_cannot_be_written_is_an_error_with_its_reason(tmp_path: Path) -> None:
     store = Store(tmp_path / "store.sqlite")
-    store.put("hall", "{}", 1)
+    store.put("streams", "hall", "{}", 1)
     fill(store)
     with pytest.raises(StoreError, match="database or disk is full"):
-        store.put("room", "x" * 100_000, 1)
-    assert store.all() == {"hall": StoredStream("{}", 1)}
+        store.put("streams", "room", "x" * 100_000, 1)
+    assert store.all("streams") == {"hall": StoredRow("{}", 1)}
     store.close()
 
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.support.publisher import make_frame
+from tests.vectors import make_vectors
 
 from lightwell.conventions import CONVENTIONS, Convention
 from lightwell.sh.engines import convert, convert_directions
-from lightwell.wire import DominantLight, pack_coefficients, unpack_coefficients
+from lightwell.wire import DominantLight, pack_coefficients, unpack_coefficients, unpack_gradients
 from lightwell_server.variants import AS_PUBLISHED, Variant, make_variant
 
 
 def test_what_changes_nothing_returns_the_same_object() -> None:
     frame = make_frame(bands=3)
     assert make_variant(frame, AS_PUBLISHED) is frame
+    assert make_variant(frame, Variant()) is frame
     assert make_variant(frame, Variant("lightwell", 8)) is frame
 
 
@@ -38,13 +44,52 @@ def test_coefficients_truth_and_dominant_light_are_converted_together(convention
     assert frame.bands == 5
 
 
-def test_gradients_turn_their_coefficients_and_their_axes() -> None:
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_gradients_and_position_follow_the_axes(convention: Convention) -> None:
+    """Moving by d in the world and converting is converting and moving by the converted d."""
     rng = np.random.default_rng(2)
-    gradients = rng.standard_normal((9, 3, 3)).astype(np.float32)
-    frame = make_frame(bands=3, gradients=pack_coefficients(gradients))
-    variant = make_variant(frame, Variant("three", 2))
+    array, gradients = rng.standard_normal((9, 3)), rng.standard_normal((9, 3, 3))
+    frame = make_frame(
+        bands=3,
+        coefficients=pack_coefficients(array),
+        gradients=pack_coefficients(gradients),
+        position=(1.0, 2.0, -3.0),
+        trust_radius_m=0.25,
+    )
+    variant = make_variant(frame, Variant(convention, 2, gradients=True))
     assert variant.gradients is not None
-    got = np.frombuffer(variant.gradients, "<f4").reshape(4, 3, 3)
-    converted = np.stack([convert(gradients[:4, :, axis], "three") for axis in range(3)], axis=-1)
-    x, y, z = np.moveaxis(converted, -1, 0)  # engine axes of three: (x, z, −y)
-    np.testing.assert_allclose(got, np.stack([x, z, -y], axis=-1), rtol=1e-6, atol=1e-6)
+    got = unpack_gradients(variant.gradients)
+    assert got.shape == (4, 3, 3)
+    step = np.array([0.1, -0.2, 0.3])
+    moved = convert((array + gradients @ step)[:4], convention)
+    there = unpack_coefficients(variant.coefficients) + got @ convert_directions(step, convention)
+    np.testing.assert_allclose(there, moved, rtol=1e-5, atol=1e-6)
+    assert variant.position is not None
+    np.testing.assert_array_equal(variant.position, convert_directions((1.0, 2.0, -3.0), convention))
+    assert variant.trust_radius_m == 0.25
+    stripped = make_variant(frame, Variant(convention, 2))
+    assert stripped.gradients is None
+    assert (stripped.position, stripped.trust_radius_m) == (variant.position, 0.25)
+    assert frame.gradients is not None
+
+
+PUBLISHED = (Path(make_vectors.__file__).parent / "gradients.json").read_text("utf-8")
+VECTORS = json.loads(PUBLISHED)
+
+
+def test_published_vectors_are_fresh() -> None:
+    assert make_vectors.text("gradients") == PUBLISHED
+
+
+@pytest.mark.parametrize("vector", VECTORS, ids=lambda vector: f"{vector['convention']}-{vector['bands']}")
+def test_published_vectors_of_gradients(vector: dict[str, Any]) -> None:
+    frame = make_frame(
+        bands=vector["bands"],
+        gradients=pack_coefficients(np.array(vector["input"])),
+        position=tuple(vector["position"]),
+    )
+    variant = make_variant(frame, Variant(vector["convention"], gradients=True))
+    assert variant.gradients is not None
+    np.testing.assert_allclose(unpack_gradients(variant.gradients), vector["output"], rtol=2e-6, atol=2e-6)
+    assert variant.position is not None
+    np.testing.assert_allclose(variant.position, vector["engine_position"])

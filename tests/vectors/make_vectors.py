@@ -15,6 +15,13 @@ Each file is a list of
 ``radiance`` is the sum over all bands at the direction, ``irradiance`` the sum over at most three bands, on a surface
 with that normal; an engine that evaluates ``output`` at ``engine`` by its own formulas must find them.
 
+``gradients.json`` has vectors of all conventions for the change of the light with place,
+
+    {"convention", "bands", "engine_from_world",
+     "position": [x, y, z], "engine_position": [x, y, z]   of the probe, metres, in world and engine axes,
+     "input":  [[[d/dx, d/dy, d/dz] for r, g, b], …]        per metre, Lightwell's convention and world axes,
+     "output": the same in the engine's convention and along the engine's axes}
+
 Nothing here uses Lightwell: the lights are projected in each engine's own axes with the engine's own basis, written out
 as polynomials. Only the standard library, correctly rounded square roots and exact sums are used, so that the files are
 the same on every machine.
@@ -206,15 +213,49 @@ def vectors(convention: str) -> list[dict[str, Any]]:
     return result
 
 
-def text(convention: str) -> str:
-    """Return the file of one convention: one vector a line."""
-    return "[\n" + ",\n".join(json.dumps(vector) for vector in vectors(convention)) + "\n]\n"
+def gradient_vectors() -> list[dict[str, Any]]:
+    """Return the vectors of a light that changes linearly along each world axis by the light of some lamps a metre."""
+    generator = random.Random(7)
+    changes = [
+        [(unit(generator), (generator.uniform(-1, 1), generator.uniform(-1, 1), generator.uniform(-1, 1)))] * 2
+        for _ in range(3)
+    ]
+    position: Vector = (1.25, -0.5, 2.0)
+    world_axes: tuple[Vector, Vector, Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    result = []
+    for convention, (engine_axes, engine_basis) in ENGINES.items():
+        for bands in (2, 3, 5):
+            count = bands * bands
+            along_world = [project(lamps, count, world_axes, basis) for lamps in changes]
+            in_engine = [project(lamps, count, engine_axes, engine_basis) for lamps in changes]
+            # The light at world p is Σ_k p_k change_k, and p = Aᵀ p': so ∂/∂p'_j = Σ_k A_jk change_k.
+            result.append(
+                {
+                    "convention": convention,
+                    "bands": bands,
+                    "engine_from_world": engine_axes,
+                    "position": position,
+                    "engine_position": turn(engine_axes, position),
+                    "input": [[[along_world[k][i][c] for k in range(3)] for c in range(3)] for i in range(count)],
+                    "output": [
+                        [[fsum(row[k] * in_engine[k][i][c] for k in range(3)) for row in engine_axes] for c in range(3)]
+                        for i in range(count)
+                    ],
+                }
+            )
+    return result
+
+
+def text(name: str) -> str:
+    """Return the file of one convention, or that of the gradients: one vector a line."""
+    made = gradient_vectors() if name == "gradients" else vectors(name)
+    return "[\n" + ",\n".join(json.dumps(vector) for vector in made) + "\n]\n"
 
 
 def main() -> int:
     """Write or check the files."""
     folder = Path(__file__).parent
-    stale = [name for name in ENGINES if not _is_fresh(folder / f"{name}.json", text(name))]
+    stale = [name for name in (*ENGINES, "gradients") if not _is_fresh(folder / f"{name}.json", text(name))]
     if "--check" in sys.argv[1:]:
         for name in stale:
             sys.stderr.write(f"{name}.json is stale; run {Path(__file__).name}\n")

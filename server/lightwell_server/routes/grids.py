@@ -155,7 +155,7 @@ async def sample_grid(
     bands: Annotated[int | None, Query(ge=1, le=6, description="at most this many bands")] = None,
 ) -> GridSample:
     """Return the light at points: trilinear, with the half-gradient rule where the grid has gradients."""
-    points = np.array([_point("at", text) for text in at])
+    points = np.array([read_point("at", text) for text in at])
     opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
     if gradients and convention != "lightwell":
         raise _bad("gradients", "true: are given in convention=lightwell only")
@@ -192,7 +192,7 @@ async def preview_grid(
     request: Request, grid: str, normal: Annotated[str, Query(description="x,y,z of the lit surface")] = "0,0,1"
 ) -> Response:
     """Return a PNG: the irradiance on surfaces with this normal in the grid's three middle slices."""
-    direction = _point("normal", normal)
+    direction = read_point("normal", normal)
     if not any(direction):
         raise _bad("normal", f"{normal!r}: must not be 0,0,0")
     opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
@@ -204,7 +204,7 @@ async def plot_grid_slices(
     request: Request, grid: str, normal: Annotated[str, Query(description="x,y,z of the lit surface")] = "0,0,1"
 ) -> Response:
     """Return a PNG with axes and scales: irradiance on surfaces with this normal, and coverage, in three slices."""
-    direction = _point("normal", normal)
+    direction = read_point("normal", normal)
     if not any(direction):
         raise _bad("normal", f"{normal!r}: must not be 0,0,0")
     opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
@@ -217,7 +217,8 @@ def _plot(grid: AnyGrid, normal: tuple[float, float, float]) -> bytes:
     return plot_grid(grid, normal)
 
 
-def _point(field: str, text: str) -> tuple[float, float, float]:
+def read_point(field: str, text: str) -> tuple[float, float, float]:
+    """Return the numbers of ``x,y,z``; raises the 422 problem that names the field where they are none."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:

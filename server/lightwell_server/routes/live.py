@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import msgspec
 import structlog
@@ -32,10 +32,11 @@ _ALLOWED = {
     "max_fps": f"above 0, at most {MOST_FPS:g}",
     "convention": f"one of {', '.join(CONVENTIONS)}",
     "backdrop": "1 or 0",
+    "gradients": "1 or 0",
 }
 """What each query parameter may be."""
 
-_CLOSE_CODES: dict[Cause, int] = {
+CLOSE_CODES: dict[Cause, int] = {
     "stalled": CLOSE_POLICY,
     "queue-full": CLOSE_POLICY,
     "deleted": CLOSE_NOT_FOUND,
@@ -50,21 +51,25 @@ class Query(msgspec.Struct):
     max_fps: Annotated[float, msgspec.Meta(gt=0, le=MOST_FPS)] | None = None
     convention: Convention = "lightwell"
     backdrop: bool = False
+    gradients: bool = False
 
     def wishes(self) -> Wishes:
         """Return them as the hub takes them."""
-        return Wishes(Variant(self.convention, self.bands), self.max_fps, self.backdrop)
+        return Wishes(Variant(self.convention, self.bands, self.gradients), self.max_fps, self.backdrop)
 
 
-def read_query(parameters: QueryParams) -> Query:
-    """Return the query parameters; raises `RefusedError` with the name, the value and the remedy."""
+Asked = TypeVar("Asked", bound=msgspec.Struct)
+
+
+def read_query(parameters: QueryParams, kind: type[Asked]) -> Asked:
+    """Return the query parameters of a socket; raises `RefusedError` with the name, the value and the remedy."""
     values = {key: value for key, value in parameters.items() if key != "token"}
     for key in values:
-        if key not in Query.__struct_fields__:
-            known = ", ".join((*Query.__struct_fields__, "token"))
+        if key not in kind.__struct_fields__:
+            known = ", ".join((*kind.__struct_fields__, "token"))
             raise RefusedError(CLOSE_POLICY, f"{key} is no parameter of this socket; there are: {known}")
     try:
-        return msgspec.convert(values, Query, strict=False)
+        return msgspec.convert(values, kind, strict=False)
     except msgspec.ValidationError as error:
         name = str(error).rpartition("$.")[2].rstrip("`")
         raise RefusedError(CLOSE_POLICY, f"{name}={values[name][:20]}: must be {_ALLOWED[name]}") from None
@@ -77,7 +82,7 @@ async def live(websocket: WebSocket, name: str) -> None:
     try:
         await admit(websocket, Scope.READ)
         channel = parts.catalogue.channel(name)
-        query = read_query(websocket.query_params)
+        query = read_query(websocket.query_params, Query)
         if parts.hub.subscribers() >= parts.config.hub.max_subscribers:
             raise RefusedError(CLOSE_POLICY, f"the server has {parts.config.hub.max_subscribers} subscribers: no more")
     except RefusedError as refused:
@@ -119,7 +124,7 @@ async def _serve(
         if ending.cause in ("stalled", "queue-full"):
             log.warning("subscriber cut off", stream=subscription.channel.name, reason=ending.reason)
         if ending.cause != "stalled":  # a peer that does not read would not read the reason either
-            await refuse(websocket, _CLOSE_CODES[ending.cause], ending.reason)
+            await refuse(websocket, CLOSE_CODES[ending.cause], ending.reason)
 
 
 async def _send(websocket: WebSocket, subscription: Subscription, ready: asyncio.Event) -> None:

@@ -82,6 +82,15 @@ class Latest(BaseModel):
     window_weights: list[float]
     mapping: str
     coefficients: list[tuple[float, float, float]] = Field(description="bands² rows of [r, g, b]")
+    position: tuple[float, float, float] | None = Field(
+        None, description="where the probe stood, metres, in the convention's axes; null where that is not known"
+    )
+    gradients: list[list[tuple[float, float, float]]] | None = Field(
+        None, description="where asked for: per metre, for each coefficient and colour, [d/dx, d/dy, d/dz]"
+    )
+    trust_radius_m: float | None = Field(
+        None, description="how far from the probe coefficients and gradients are right to about ten per cent, metres"
+    )
     dominant: dict[str, tuple[float, float, float]] | None = Field(None, description="direction, irradiance, ambient")
     quality: dict[str, Any]
     source_frame: str

@@ -9,7 +9,7 @@ import msgspec
 from fastapi import APIRouter, Body, Header, Query, Request, Response
 
 from lightwell.conventions import MAX_STREAM_BANDS, Convention
-from lightwell.wire import unpack_coefficients
+from lightwell.wire import unpack_coefficients, unpack_gradients
 from lightwell_server.catalogue import Entry
 from lightwell_server.problems import Problem
 from lightwell_server.routes.access import ADMIN, READ, problems
@@ -92,12 +92,13 @@ async def latest(
     name: str,
     convention: Annotated[Convention, Query(description="coefficient convention")] = "lightwell",
     bands: Annotated[int | None, Query(ge=1, le=MAX_STREAM_BANDS, description="at most this many bands")] = None,
+    gradients: Annotated[bool, Query(description="also the change per metre, where the stream has it")] = False,
 ) -> Latest:
     """Return the newest coefficients; 404 where there has been no frame yet."""
     channel = services(request).catalogue.channel(name)
     if channel.latest is None:
         raise Problem(404, "no-frame-yet", f"the stream {name!r} is {channel.state} and has had no frame yet")
-    frame = make_variant(channel.latest, Variant(convention, bands))
+    frame = make_variant(channel.latest, Variant(convention, bands, gradients))
     return Latest(
         stream=frame.stream,
         session=frame.session,
@@ -112,6 +113,9 @@ async def latest(
         window_weights=frame.window.weights,
         mapping=channel.info().mapping,
         coefficients=unpack_coefficients(frame.coefficients).tolist(),
+        position=frame.position,
+        gradients=None if frame.gradients is None else unpack_gradients(frame.gradients).tolist(),
+        trust_radius_m=frame.trust_radius_m,
         dominant=None if frame.dominant is None else msgspec.to_builtins(frame.dominant),
         quality=msgspec.to_builtins(frame.quality),
         source_frame=frame.source_frame,
