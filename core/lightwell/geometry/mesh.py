@@ -97,6 +97,13 @@ def face_normals(positions: Float32s, triangles: Int32s) -> tuple[NDArray[np.flo
     return cross / np.maximum(doubled, np.finfo(np.float64).tiny)[:, None], doubled / 2
 
 
+def front_normals(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return `face_normals`, each turned to the side to which the normals of the triangle's vertices point."""
+    normals, areas = face_normals(mesh.positions, mesh.triangles)
+    sides = np.einsum("fk,fvk->f", normals, mesh.normals[mesh.triangles].astype(np.float64))
+    return normals * np.where(sides < 0, -1.0, 1.0)[:, None], areas
+
+
 def vertex_normals(positions: Float32s, triangles: Int32s, towards: Float32s | None = None) -> NDArray[np.float64]:
     """Return the mean normal of the triangles round each vertex, ``(V, 3)`` unit vectors or zero.
 

@@ -47,14 +47,16 @@ class RayScene:
         # The first ray builds the hierarchy, which two threads must not do at once.
         self.occluded(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
 
-    def occluded(self, origins: Float32s, directions: Float32s) -> NDArray[np.bool_]:
+    def occluded(self, origins: Float32s, directions: Float32s, distances: Float32s | None = None) -> NDArray[np.bool_]:
         """Return ``(N,)``: whether the ray from each origin meets anything.
 
-        ``origins (N, 3)`` metres; ``directions (N, 3)``, or ``(1, 3)`` for all rays.
+        ``origins (N, 3)`` metres; ``directions (N, 3)``, or ``(1, 3)`` for all rays; ``distances (N,)``: where each ray
+        ends, in lengths of its direction; by default nowhere.
         """
         if not self._geometries or len(origins) == 0:
             return np.zeros(len(origins), np.bool_)
-        answers = self._scene.run(_rows(origins), _rows(directions), query="OCCLUDED")
+        ends = None if distances is None else np.ascontiguousarray(distances, dtype=np.float32)
+        answers = self._scene.run(_rows(origins), _rows(directions), ends, query="OCCLUDED")
         return np.asarray(answers == 0)  # 0 a hit, −1 free
 
     def intersect(self, origins: Float32s, directions: Float32s) -> Hits:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lightwell.conventions import world_from_camera
 
@@ -71,13 +71,21 @@ class Camera:
         width, height = size
         first, last, _ = (rows or slice(None)).indices(height)
         inside = (np.arange(samples) + 0.5) / samples
-        half_height = np.tan(np.radians(self.fov_degrees) / 2)
-        x = (np.arange(width)[:, None] + inside - width / 2) * 2 * half_height / height
-        y = (height / 2 - np.arange(first, last)[:, None] - inside) * 2 * half_height / height
-        rays = np.empty((last - first, width, samples, samples, 3))
-        rays[..., 0] = x[None, :, None, :]
-        rays[..., 1] = y[:, None, :, None]
-        rays[..., 2] = -1.0
-        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-        world: Floats = rays.reshape(last - first, width, samples * samples, 3) @ self.world_from_camera.T
-        return world
+        x = np.arange(width)[:, None] + inside
+        y = np.arange(first, last)[:, None] + inside
+        rays = self.looking(x[None, :, None, :], y[:, None, :, None], size)
+        return rays.reshape(last - first, width, samples * samples, 3)
+
+    def looking(self, x: ArrayLike, y: ArrayLike, size: tuple[int, int]) -> Floats:
+        """Return where the camera looks at points ``(…)`` of a picture, which may lie beyond its edges.
+
+        ``x`` and ``y`` in pixels from the top left, ``size`` the picture's width and height. Returns ``(…, 3)`` unit
+        vectors, world axes; each depends on its own point alone, to the last bit.
+        """
+        width, height = size
+        pixel = 2 * np.tan(np.radians(self.fov_degrees) / 2) / height
+        x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        right, up = (x - width / 2) * pixel, (height / 2 - y) * pixel
+        length = np.sqrt(right * right + up * up + 1)
+        axes = self.world_from_camera
+        return np.stack([(axes[k, 0] * right + axes[k, 1] * up - axes[k, 2]) / length for k in range(3)], axis=-1)

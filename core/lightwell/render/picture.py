@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.errors import RenderError
-from lightwell.geometry.mesh import face_normals
+from lightwell.geometry.mesh import front_normals
 from lightwell.geometry.rays import Hits, RayScene
 from lightwell.render.camera import Camera
 from lightwell.render.scene import Scene, SceneObject
@@ -122,7 +122,7 @@ class _Tracer:
         self._eye = np.array(camera.position, dtype=np.float64)
         self._axis = -camera.world_from_camera[:, 2]
         self._rays = RayScene([item.mesh for item in scene.objects])
-        self._fronts = [_front_normals(item) for item in scene.objects]
+        self._fronts = [front_normals(item.mesh)[0] for item in scene.objects]
         corners = [np.stack(item.mesh.bounds) for item in scene.objects]
         self._step = STEP * float(np.ptp(np.concatenate([*corners, self._eye[None]]), axis=0).max())
         self._require_outside()
@@ -238,14 +238,6 @@ class _Tracer:
         name = self._scene.objects[hits.mesh[0]].mesh.name
         where = ", ".join(f"{value:g}" for value in self._eye)
         raise RenderError(f"the camera stands inside object {name!r}, at ({where}): move it out")
-
-
-def _front_normals(item: SceneObject) -> Floats:
-    """Return the triangles' normals ``(F, 3)``, turned to the side to which their vertices' normals point."""
-    mesh = item.mesh
-    normals, _ = face_normals(mesh.positions, mesh.triangles)
-    sides = np.einsum("fk,fvk->f", normals, mesh.normals[mesh.triangles].astype(np.float64))
-    return normals * np.where(sides < 0, -1.0, 1.0)[:, None]
 
 
 def _normalised(vectors: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.support.shapes import quad, sphere
 
-from lightwell.geometry.mesh import make_mesh, vertex_normals
+from lightwell.geometry.mesh import front_normals, make_mesh, vertex_normals
 from lightwell.geometry.rays import RayScene
 
 UP = np.array([[0, 0, 1]], np.float32)
@@ -43,6 +43,13 @@ def test_scenes_without_triangles_and_batches_without_rays() -> None:
     assert RayScene([]).occluded(np.zeros((1, 3), np.float32), UP).tolist() == [False]
 
 
+def test_rays_that_end_meet_nothing_beyond() -> None:
+    scene = RayScene([quad([[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]])])
+    origins, up = np.zeros((4, 3), np.float32), np.array([[0, 0, 4]], np.float32).repeat(4, 0)
+    ends = np.array([0.49, 0.51, 1e30, 0], np.float32)
+    assert scene.occluded(origins, up, ends).tolist() == [False, True, True, False]
+
+
 def test_threads_may_share_a_scene() -> None:
     scene = RayScene([sphere(60, 90)])
     random = np.random.default_rng(1)
@@ -60,6 +67,13 @@ def test_threads_may_share_a_scene() -> None:
     for thread in threads:
         thread.join()
     assert found == [True] * 4
+
+
+def test_fronts_are_where_the_vertex_normals_point() -> None:
+    mesh = make_mesh("flap", [[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 1]], [[0, 0, -1]] * 3)
+    normals, areas = front_normals(mesh)
+    np.testing.assert_array_equal(normals, [[0, 0, -1], [0, 0, -1]])
+    np.testing.assert_array_equal(areas, [2, 2])
 
 
 def test_normals_do_not_depend_on_how_polygons_are_cut() -> None:

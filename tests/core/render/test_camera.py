@@ -40,6 +40,15 @@ def test_samples_are_the_pixel_centres_of_a_finer_picture(samples: int) -> None:
     np.testing.assert_array_equal(camera.directions((6, 4), samples, slice(1, 3)), coarse[1:3])
 
 
+def test_a_picture_goes_on_beyond_its_edges() -> None:
+    camera = Camera((1.0, 2.0, 3.0), (0.0, 0.5, -1.0), fov_degrees=40)
+    inside = camera.directions((12, 8))[:, :, 0]
+    x, y = np.arange(-3, 15) + 0.5, np.arange(-2, 10) + 0.5
+    around = camera.looking(x[None], y[:, None], (12, 8))
+    np.testing.assert_array_equal(around[2:10, 3:15], inside)
+    assert around[0, 0] @ around[-1, -1] < inside[0, 0] @ inside[-1, -1]
+
+
 @pytest.mark.parametrize("down", [(0.0, 0.0, -1.0), (0.0, 0.0, 5.0)])
 def test_looking_along_up_has_y_at_the_top(down: tuple[float, float, float]) -> None:
     rays = Camera((0.0, 0.0, 0.0), down).directions((1, 2))[:, 0, 0]
