@@ -114,15 +114,12 @@ export class Commands {
         this.toggleHelp();
         return true;
     }
-    return onCanvas && this.steer(key);
+    const step = MOVES[key];
+    if (step !== undefined) this.viewport.nudge(...step);
+    return step !== undefined || (onCanvas && this.steer(key));
   }
 
   private steer(key: string): boolean {
-    const step = MOVES[key];
-    if (step !== undefined) {
-      this.viewport.nudge(...step);
-      return true;
-    }
     switch (key) {
       case "arrowleft":
         this.viewport.orbit(-ORBIT_STEP, 0);

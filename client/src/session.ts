@@ -36,6 +36,8 @@ export interface Snapshot {
   coefficients: Float32Array | null;
   meteredEv: number;
   grid: GridState;
+  /** Radius of the object with what it stands on, metres; 0 before there is one. */
+  objectRadius: number;
   modulation: Modulation | null;
 }
 
@@ -166,6 +168,7 @@ function refresh(viewport: Viewport): void {
     coefficients: shown?.coefficients ?? null,
     meteredEv: viewport.meteredEv,
     grid: viewport.gridState,
+    objectRadius: viewport.objectRadius,
     modulation: viewport.modulation,
   };
 }

@@ -11,7 +11,7 @@ import { chooseStream } from "./session.ts";
 import { change } from "./view.ts";
 
 /** Something has to stand on something for its shadow to be seen. */
-const ON_A_TABLE = { ground: true, ground_radius: 2 };
+export const ON_A_TABLE = { ground: true, ground_radius: 1.6 };
 /** What is in the picture needs no words for long. */
 const SHOWN_MS = 10_000;
 /** A file that had been sent when the page was left may still be looked at by the server. */

@@ -239,6 +239,11 @@ export class Viewport {
     return this.show(jobId, (signal) => loadTransfer(jobId, this.light, signal));
   }
 
+  /** Radius of the object with what it stands on, metres; 0 before there is one. */
+  get objectRadius(): number {
+    return this.subject?.bounds.radius ?? 0;
+  }
+
   /** Move the object in the grid by shares of the grid's edges, world axes. */
   nudge(x: number, y: number, z: number): void {
     const info = this.fields[0]?.info;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Literal
 
 import pytest
 from playwright.sync_api import Page, Request, ViewportSize, expect
@@ -10,6 +11,8 @@ from tests.browser.conftest import OpenPage
 from tests.browser.files import ARTEFACTS, keep
 from tests.browser.pictures import ball, left_minus_right, see_until
 from tests.browser.publisher import Publisher, distant_light
+from tests.browser.results import lit_and_dark, put_grid
+from tests.browser.server import ServerProcess
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(150)]
 
@@ -141,12 +144,17 @@ def test_without_a_mouse(open_page: OpenPage, room: Publisher) -> None:
     assert len(seen) == 12
 
 
-def test_every_tab_fits_into_a_narrow_window(open_page: OpenPage, room: Publisher) -> None:
+def listed(page: Page) -> None:
+    """Wait until the tab has heard from the server."""
+    expect(page.get_by_text("Asking the server…")).to_have_count(0)
+
+
+def test_every_tab_fits_into_windows_of_all_widths(open_page: OpenPage, room: Publisher) -> None:
     page = open_page("#stream=room&panel=1&backdrop=off", size=NARROW)
     badge(page, "Live")
     for name in TABS:
         tab(page, name)
-        page.wait_for_timeout(500)
+        listed(page)
         if name == "Streams":
             page.get_by_role("button", name="Add a stream…").click()
             page.get_by_text("More settings").click()
@@ -154,12 +162,16 @@ def test_every_tab_fits_into_a_narrow_window(open_page: OpenPage, room: Publishe
             page.get_by_role("button", name="New job…").click()
             page.get_by_label("Kind", exact=True).select_option("ilf-grid")
         keep(page, f"narrow-{name.lower()}")
-        assert page.evaluate("document.documentElement.scrollWidth") <= 360
-        over = page.evaluate(
-            "[...document.querySelectorAll('.panel *')].filter(e => e.getBoundingClientRect().right > 360.5"
-            " && !e.closest('pre, code')).map(e => e.outerHTML.slice(0, 80))"
-        )
-        assert over == []
+        for width in (360, 480, 719, 720, 1024):
+            page.set_viewport_size({"width": width, "height": 640})
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert page.evaluate(OVER, width) == [], (name, width)
+        page.set_viewport_size(NARROW)
+
+
+OVER = """width => [...document.querySelectorAll('.panel *, .hud, .tray')]
+  .filter(e => e.getBoundingClientRect().right > width + 0.5 && !e.closest('pre, code'))
+  .map(e => e.outerHTML.slice(0, 80))"""
 
 
 @pytest.mark.parametrize("theme", ["dark", "light"])
@@ -169,7 +181,7 @@ def test_words_can_be_read(open_page: OpenPage, room: Publisher, theme: str) -> 
     badge(page, "Live")
     for name in TABS:
         tab(page, name)
-        page.wait_for_timeout(400)
+        listed(page)
         keep(page, f"{theme}-{name.lower()}")
         faint = page.evaluate(CONTRASTS, "#161519" if theme == "dark" else "#fbf9f5")
         assert faint == [], name
@@ -205,8 +217,61 @@ CONTRASTS = """ground => {
 }"""
 
 
-def test_the_token_goes_along_with_every_request(open_page: OpenPage, room: Publisher, console: list[str]) -> None:
-    page = open_page(path="/selfcheck.html", size=SIZE)
+def test_the_badge_says_whose_light_it_is(open_page: OpenPage, room: Publisher, server: ServerProcess) -> None:
+    grid, _ = put_grid(server, "b0" * 10, lit_and_dark())
+    page = open_page(f"#stream=room&light=grid&grid={grid}&backdrop=off", size=SIZE)
+    badge(page, "Grid")
+    expect(page.get_by_label("Stream", exact=True)).to_have_count(0)  # it has no part in what is seen
+    page.get_by_role("radio", name="Both").check(force=True)
+    badge(page, "Grid × live")
+    page.get_by_role("button", name="Pause").click()
+    badge(page, "Grid × paused")
+    page.get_by_role("radio", name="Live").check(force=True)
+    badge(page, "Paused")
+    page.get_by_role("radio", name="Grid", exact=True).check(force=True)
+    badge(page, "Grid")
+    # The object as large as it is, and moved by keys while a switch has the focus.
+    page.get_by_role("radio", name="True").check(force=True)
+    expect(page.get_by_test_id("sizes")).to_have_text(re.compile(r"^3\.6 m across.* 3 × 2 × 1\.2 m\.$"))
+    page.wait_for_function("location.hash.includes('size=true')")
+    page.get_by_label("Move the object").check()
+    page.keyboard.press("m")
+    expect(page.get_by_test_id("at")).to_have_text("0.15, 0, 0.6 m")
+    keep(page, "true-size")
+
+
+def test_who_wants_less_motion_gets_none(open_page: OpenPage, room: Publisher) -> None:
+    page = open_page("#stream=room&backdrop=off", size=SIZE)
+    badge(page, "Live")
+    assert page.evaluate(MOVING) == ["breathe", "0.15s"]
+    page.emulate_media(reduced_motion="reduce")
+    assert page.evaluate(MOVING) == ["none", "0s"]
+
+
+MOVING = """() => {
+  const meter = document.createElement("div");
+  meter.className = "meter unknown";
+  meter.append(document.createElement("span"));
+  document.querySelector(".panel .body").append(meter);
+  const toggle = getComputedStyle(document.querySelector(".toggle input"));
+  const moving = [getComputedStyle(meter.firstChild).animationName, toggle.transitionDuration];
+  meter.remove();
+  return moving;
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_the_theme_is_the_systems(open_page: OpenPage, room: Publisher, scheme: Literal["dark", "light"]) -> None:
+    page = open_page("#stream=room&backdrop=off", size=SIZE)
+    page.emulate_media(color_scheme=scheme)
+    page.wait_for_function("scheme => document.documentElement.dataset.theme === scheme", arg=scheme)
+    assert page.evaluate("getComputedStyle(document.documentElement).colorScheme") == scheme
+
+
+def test_the_token_goes_along_with_every_request(
+    open_page: OpenPage, room: Publisher, server: ServerProcess, console: list[str]
+) -> None:
+    page = open_page(path="/favicon.svg", size=SIZE)
     asked: list[str] = []
 
     def note(request: Request) -> None:
@@ -214,11 +279,11 @@ def test_the_token_goes_along_with_every_request(open_page: OpenPage, room: Publ
             asked.append(request.url)
 
     page.on("request", note)
-    page.goto(f"{page.url.split('/selfcheck')[0]}/?token=wrong%2Btoken#tab=jobs")
+    page.goto(f"{page.url.removesuffix('/favicon.svg')}/?token=wrong%2Btoken#tab=jobs")
     expect(page.get_by_role("alert").first).to_contain_text("token")
     for name in TABS:
         tab(page, name)
-        page.wait_for_timeout(300)
+        listed(page)
     assert len(asked) > 5
     assert all("token=wrong%2Btoken" in url for url in asked), asked
     assert all("401" in line or "WebSocket" in line for line in console), console

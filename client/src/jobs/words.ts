@@ -1,5 +1,7 @@
 // Times, sizes and numbers for people.
 
+import type { Progress } from "../rest.ts";
+
 /** `75` seconds as "1 min 15 s". */
 export function duration(seconds: number): string {
   if (!Number.isFinite(seconds)) return "–";
@@ -43,7 +45,7 @@ export function ago(timeNs: number, nowMs: number): string {
 
 const TITLES: Record<string, string> = {
   "ilf-grid": "Light grid",
-  "prt-transfer": "Shadows of a mesh",
+  "prt-transfer": "Mesh shadows",
   "capture-reduce": "Thinned capture",
   "igi-render": "Render",
   reproject: "Projected again",
@@ -52,6 +54,16 @@ const TITLES: Record<string, string> = {
 /** What a kind of job makes, for people who do not know its name. */
 export function kindTitle(kind: string): string {
   return TITLES[kind] ?? kind;
+}
+
+/** What a stage is called, with what one would wonder about. */
+export function stageWords(stage: string): string {
+  return stage === "compile" ? "compile, up to a minute on a new installation" : stage;
+}
+
+/** The time that a stage still takes; empty where it is not known, or too short to be told. */
+export function leftWords({ eta_seconds, done, total }: Progress): string {
+  return eta_seconds === null || eta_seconds < 1 || done >= total ? "" : `${duration(eta_seconds)} left`;
 }
 
 /** The last part of a path. */

@@ -18,6 +18,8 @@ import { Starting } from "./Starting.tsx";
 import { Tray } from "./Tray.tsx";
 
 const PREFERS_LIGHT = matchMedia("(prefers-color-scheme: light)");
+const TYPED = "select, textarea, input:not([type=checkbox], [type=radio], [type=range], [type=color])";
+const WORKING_KEYS = new Set([" ", "+", "-", ".", ","]);
 const WIDE = matchMedia("(min-width: 720px)");
 
 /** Where there is nothing to show, what to do about it. */
@@ -78,8 +80,8 @@ export function App() {
     addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") !== null) return;
       const target = event.target as HTMLElement;
-      // Inputs and buttons keep their own keys.
-      if (target.matches("input, select, textarea") || (event.key === " " && target.matches("button, summary, a"))) return;
+      // Where one types, letters are letters; switches and buttons keep the keys that work them.
+      if (target.matches(TYPED) || (WORKING_KEYS.has(event.key) && target.matches("input, button, summary, a"))) return;
       const tab = TABS[Number(event.key) - 1];
       if (tab !== undefined) {
         change({ tab, panel: true });

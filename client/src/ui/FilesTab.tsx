@@ -10,7 +10,7 @@ import { ago, bytes, count } from "../jobs/words.ts";
 import { deleteUpload, type Job, type StreamDescription, type Upload } from "../rest.ts";
 import { refreshResults, transfers, uploads, uploadsProblem } from "../results.ts";
 import { chooseStream, refreshStreams, streams } from "../session.ts";
-import { streamOf, takeFiles } from "../uploads.ts";
+import { ON_A_TABLE, streamOf, takeFiles } from "../uploads.ts";
 import { change, view } from "../view.ts";
 import { ConfirmButton, Nothing, Wrong } from "./controls.tsx";
 import { FileButton } from "./FileButton.tsx";
@@ -40,11 +40,11 @@ function contentsWords({ kind, width, height, vertices, triangles, objects }: Up
 
 function usedWords({ streams: shown, unfinished, objects }: Uses): string {
   const parts = [
-    ...shown.map(({ name }) => `the stream ${name}`),
-    ...unfinished.map(({ state }) => `a job that is ${state}`),
-    ...(objects.length > 0 ? [objects.length === 1 ? "an object with shadows" : `${objects.length} objects with shadows`] : []),
+    ...shown.map(({ name }) => `stream ${name}`),
+    ...unfinished.map(({ state }) => `job ${state}`),
+    ...(objects.length > 0 ? [objects.length === 1 ? "object with shadows" : `${objects.length} objects with shadows`] : []),
   ];
-  return parts.length > 0 ? `Used by ${parts.join(", ")}` : "Not used";
+  return parts.length > 0 ? `Used: ${parts.join(", ")}` : "Not used";
 }
 
 function FileCard({ upload }: { upload: Upload }) {
@@ -65,7 +65,7 @@ function FileCard({ upload }: { upload: Upload }) {
     change({ light: "stream" });
   };
   const compute = () => {
-    const before = (uses.unfinished[0] ?? newest)?.settings ?? { ground: true, ground_radius: 2 };
+    const before = (uses.unfinished[0] ?? newest)?.settings ?? ON_A_TABLE;
     void openForm("prt-transfer", { ...draftOf(before), mesh: upload.id });
   };
   return (
@@ -75,9 +75,13 @@ function FileCard({ upload }: { upload: Upload }) {
         <span class={`badge ${isShown ? "good" : "quiet"}`}>{isShown ? "in the picture" : upload.kind}</span>
       </header>
       <p class="muted">
-        {contentsWords(upload)}
+        {contentsWords(upload)} ·{" "}
+        <a href={here(`uploads/${upload.id}/file`)} download={upload.name} title="Download it">
+          {bytes(upload.bytes)}
+        </a>{" "}
+        · {ago(upload.created, nowMs())}
         <br />
-        {bytes(upload.bytes)}, sent {ago(upload.created, nowMs())}. {usedWords(uses)}.
+        {usedWords(uses)}
       </p>
       <Wrong text={problem.value} />
       <div class="buttons">
@@ -96,9 +100,6 @@ function FileCard({ upload }: { upload: Upload }) {
             {stream === undefined ? "Make it a stream" : "Follow"}
           </button>
         )}
-        <a class="button" href={here(`uploads/${upload.id}/file`)} download={upload.name}>
-          Download
-        </a>
         <ConfirmButton
           label="Delete"
           question={uses.objects.length > 0 ? "Delete the file? Its objects stay" : "Delete the file?"}

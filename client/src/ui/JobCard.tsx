@@ -5,7 +5,7 @@ import { refreshCaptures } from "../captures.ts";
 import { nowMs } from "../clock.ts";
 import { NORMAL_PRIORITY } from "../jobs/form.ts";
 import { cancel, remove, retry, isFinished } from "../jobs/store.ts";
-import { ago, bytes, count, duration, kindTitle } from "../jobs/words.ts";
+import { ago, bytes, count, duration, kindTitle, leftWords, stageWords } from "../jobs/words.ts";
 import { jobLog, registerCapture, type Job, type JobState, type LogLine } from "../rest.ts";
 import { subjectOf } from "../results.ts";
 import { change } from "../view.ts";
@@ -30,10 +30,9 @@ function progressWords(job: Job): string {
     const order = Math.sign(job.priority - NORMAL_PRIORITY);
     return order === 0 ? "waits for its turn" : `waits, ${order < 0 ? "before" : "after"} others`;
   }
-  const parts = [`${progress.stage} ${count(progress.done)} of ${count(progress.total)}`];
+  const parts = [`${stageWords(progress.stage)} ${count(progress.done)} of ${count(progress.total)}`];
   if (progress.rate > 0) parts.push(`${count(progress.rate)}/s`);
-  if (progress.eta_seconds !== null && progress.eta_seconds > 0) parts.push(`${duration(progress.eta_seconds)} left`);
-  return parts.join(" · ");
+  return [...parts, leftWords(progress)].filter((part) => part !== "").join(" · ");
 }
 
 function whenWords(job: Job): string {
@@ -65,7 +64,7 @@ export function JobCard({ job }: { job: Job }) {
   return (
     <article class="card" aria-label={title} data-testid="job" data-state={job.state}>
       <header>
-        <h3>
+        <h3 title={title}>
           {kindTitle(job.kind)} <small>{subject}</small>
         </h3>
         <span class={`badge ${TONES[job.state]}`}>{job.state}</span>

@@ -42,7 +42,7 @@ export function JobForm() {
       aria-label="New job"
       onSubmit={(event) => {
         event.preventDefault();
-        void (need?.fits ? submitForm() : estimate());
+        void submitForm();
       }}
     >
       <div class="field">
@@ -102,8 +102,13 @@ export function JobForm() {
       <Wrong text={need?.reason ?? ""} />
       <div class="buttons">
         <button type="submit" class="primary" disabled={value.busy || value.kind === "" || (need !== null && !need.fits)}>
-          {need === null ? "What will it take?" : "Submit"}
+          Submit
         </button>
+        {need === null && (
+          <button type="button" disabled={value.busy || value.kind === ""} onClick={() => void estimate()}>
+            What will it take?
+          </button>
+        )}
         <button type="button" onClick={closeForm}>
           Close
         </button>

@@ -1,6 +1,6 @@
 import { ACCEPTED } from "../files.ts";
 import { subjectOf, transfers } from "../results.ts";
-import { objectIsComing, objectProblem } from "../session.ts";
+import { objectIsComing, objectProblem, snapshot } from "../session.ts";
 import { takeFiles } from "../uploads.ts";
 import { OWN_OBJECTS, change, view, type Size } from "../view.ts";
 import { Choice, Meter, Section, Wrong } from "./controls.tsx";
@@ -13,9 +13,28 @@ const LABELS: Record<(typeof OWN_OBJECTS)[number], string> = {
 };
 
 const SIZES: { value: Size; label: string; hint: string }[] = [
-  { value: "fit", label: "Fits", hint: "As large as is well seen between the grid's walls" },
+  { value: "fit", label: "Fitted", hint: "As large as is well seen between the grid's walls" },
   { value: "true", label: "True", hint: "As large as it is, in metres" },
 ];
+
+/** How large the object is in a grid, beside how large the grid is. */
+function SizeInGrid() {
+  const { light, size } = view.value;
+  const now = snapshot.value;
+  const info = now?.grid.info ?? null;
+  if (light === "stream" || now === null) return null;
+  const edges = info?.upper.map((high, k) => Number((high - info.lower[k]!).toPrecision(2))) ?? [];
+  return (
+    <>
+      <Choice label="Size in the grid" value={size} options={SIZES} onChange={(value) => change({ size: value })} />
+      {size === "true" && info !== null && (
+        <p class="hint" data-testid="sizes">
+          {`${(2 * now.objectRadius).toPrecision(2)} m across, ground included; the grid is ${edges.join(" × ")} m.`}
+        </p>
+      )}
+    </>
+  );
+}
 
 /** What is lit: the page's own objects, and meshes whose transfer has been computed. */
 export function ObjectSection() {
@@ -42,9 +61,7 @@ export function ObjectSection() {
       </label>
       {objectIsComing.value && <Meter label="Fetching the object" share={null} />}
       <Wrong text={objectProblem.value} />
-      {view.value.light !== "stream" && (
-        <Choice label="Size in the grid" value={view.value.size} options={SIZES} onChange={(size) => change({ size })} />
-      )}
+      <SizeInGrid />
       <FileButton accept={ACCEPTED} onFiles={takeFiles}>
         Add a mesh or a map…
       </FileButton>

@@ -111,7 +111,7 @@ function MaterialSection() {
 export function SceneTab({ commands }: { commands: Commands }) {
   return (
     <>
-      <StreamPicker commands={commands} />
+      {view.value.light !== "grid" && <StreamPicker commands={commands} />}
       <LightSection />
       <ObjectSection />
       <MaterialSection />

@@ -1,5 +1,5 @@
 import { jobs } from "../jobs/store.ts";
-import { duration } from "../jobs/words.ts";
+import { leftWords, stageWords } from "../jobs/words.ts";
 import { arrivals, type Arrival } from "../arrivals.ts";
 import { again, dismiss, show, stop } from "../uploads.ts";
 import { change, view } from "../view.ts";
@@ -21,8 +21,8 @@ function progressOf(arrival: Arrival): { share: number | null; text: string } {
         return { share: null, text: job?.state === "queued" ? "waits in the queue" : "shadows are being computed" };
       }
       const share = progress.done / progress.total;
-      const left = progress.eta_seconds === null ? "" : `, ${duration(progress.eta_seconds)} left`;
-      return { share, text: `shadows: ${progress.stage}, ${(100 * share).toFixed(0)} %${left}` };
+      const parts = [stageWords(progress.stage), `${(100 * share).toFixed(0)} %`, leftWords(progress)];
+      return { share, text: `shadows: ${parts.filter((part) => part !== "").join(", ")}` };
     }
     case "ready":
       return { share: 1, text: readyWords(arrival) };
@@ -86,12 +86,21 @@ function Entry({ arrival }: { arrival: Arrival }) {
 
 /** Files on their way. */
 export function Tray() {
-  if (arrivals.value.length === 0) return null;
+  const list = arrivals.value;
+  if (list.length === 0) return null;
+  const settled = list.filter(({ phase }) => phase === "ready" || phase === "failed" || phase === "cancelled");
   return (
-    <ul class="tray" aria-label="Files">
-      {arrivals.value.map((arrival) => (
-        <Entry key={arrival.key} arrival={arrival} />
-      ))}
-    </ul>
+    <div class="tray">
+      <ul aria-label="Files">
+        {list.map((arrival) => (
+          <Entry key={arrival.key} arrival={arrival} />
+        ))}
+      </ul>
+      {settled.length > 1 && (
+        <button type="button" onClick={() => settled.forEach(({ key }) => dismiss(key))}>
+          Dismiss these {settled.length}
+        </button>
+      )}
+    </div>
   );
 }
