@@ -45,9 +45,10 @@ def log_jpeg(picture: NDArray[np.float64]) -> bytes:
 class Publisher:
     """Publishes frames, a backdrop and a status until it is closed; comes back when the server does."""
 
-    def __init__(self, server_url: str, stream: str) -> None:
+    def __init__(self, server_url: str, stream: str, **settings: object) -> None:
         self.url = f"{server_url.replace('http', 'ws', 1)}/api/v1/streams/{stream}/publish"
         self.stream = stream
+        self.settings = {"source": "synthetic:test"} | settings
         self.coefficients = distant_light((0, 0, 1))
         self.backdrop = np.full((32, 64, 3), 0.2)
         self.quality = wire.Quality(blind_fraction=0.021, nan=3)
@@ -75,8 +76,7 @@ class Publisher:
 
     def _publish(self) -> None:
         with connect(self.url, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], proxy=None) as socket:
-            settings = {"source": "synthetic:test"}
-            announce = wire.Announce(stream=self.stream, session="test", worker_version="0", settings=settings)
+            announce = wire.Announce(stream=self.stream, session="test", worker_version="0", settings=self.settings)
             socket.send(wire.encode(announce))
             socket.recv()
             while not self._stop.wait(1 / FRAMES_PER_SECOND):

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from tests.browser.publisher import distant_light
 from tests.browser.server import ServerProcess
 
+from lightwell.field.adaptive import AdaptiveGrid
 from lightwell.field.grid import Grid
 from lightwell.field.spec import GridSpec
+from lightwell.io.adaptive import write_adaptive_grid
 from lightwell.io.grids import open_grid, write_grid
 from lightwell_workers.jobs.directory import JobDirectory
 
@@ -39,15 +41,27 @@ def put_grid(server: ServerProcess, job: str, grid: Grid) -> tuple[str, Grid]:
     return f"{job}.grid", opened
 
 
-def put_adaptive(server: ServerProcess, job: str) -> str:
-    """Give the server the attributes of an adaptive grid; return its id."""
+def put_adaptive(server: ServerProcess, job: str, grid: AdaptiveGrid) -> tuple[str, AdaptiveGrid]:
+    """The same of an adaptive grid."""
     directory = JobDirectory(server.directory / "data" / "jobs", job)
-    folder = directory.path / "results" / "adaptive.zarr"
+    results = directory.path / "results"
+    results.mkdir(parents=True)
+    write_adaptive_grid(results / "adaptive.zarr", grid)
+    directory.publish(results)
+    opened = open_grid(directory.artifacts / "adaptive.zarr")
+    assert isinstance(opened, AdaptiveGrid)
+    return f"{job}.adaptive", opened
+
+
+def put_group(server: ServerProcess, job: str, attributes: Mapping[str, object]) -> str:
+    """Give the server a Zarr group that is called a grid, with these attributes and nothing in it; return its id."""
+    document = {"zarr_format": 3, "node_type": "group", "attributes": attributes}
+    directory = JobDirectory(server.directory / "data" / "jobs", job)
+    folder = directory.path / "results" / "grid.zarr"
     folder.mkdir(parents=True)
-    attributes = {"format": "lightwell.adaptive.v1", "bands": 5}
-    (folder / "zarr.json").write_text(json.dumps({"zarr_format": 3, "node_type": "group", "attributes": attributes}))
+    (folder / "zarr.json").write_text(json.dumps(document))
     directory.publish(Path(directory.path, "results"))
-    return f"{job}.adaptive"
+    return f"{job}.grid"
 
 
 def lit_and_dark(resolution: tuple[int, int, int] = (12, 10, 6), bands: int = 5) -> Grid:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +13,15 @@ import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 from tests.browser.conftest import OpenPage
-from tests.browser.pictures import Picture, see_until, settled
-from tests.browser.publisher import Publisher, distant_light
-from tests.browser.results import lit_and_dark, put_adaptive, put_grid
+from tests.browser.pictures import Picture, decode, see_until, settled
+from tests.browser.publisher import CAP, K, Publisher, distant_light, log_jpeg
+from tests.browser.results import lit_and_dark, put_grid, put_group
 from tests.browser.server import ServerProcess
 from tests.support.reference_pictures import encode_as_page, page_picture, page_scene
 
 from lightwell.field.grid import Grid
-from lightwell.render import FieldLight, Scene
+from lightwell.probe.latlong import LatLong
+from lightwell.render import FieldLight, Panorama, Scene
 from lightwell.render.light import modulate
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(180)]
@@ -152,6 +153,40 @@ def test_the_mirrored_harmonics_agree_with_python(open_page: OpenPage, room: Pub
     assert compare(page, expected, "render-mirror") < 0.01
 
 
+@dataclass(frozen=True, eq=False)
+class SentPicture:
+    """The backdrop as the page has it: the JPEG of a curve, interpolated before the curve is undone."""
+
+    curve: Panorama
+
+    @classmethod
+    def of(cls, radiance: NDArray[np.float64]) -> SentPicture:
+        return cls(Panorama(decode(log_jpeg(radiance)) / 255, "cubic"))
+
+    def radiance(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray((np.exp2(self.curve.radiance(directions) * np.log2(1 + K * CAP)) - 1) / K)
+
+
+def test_the_mirrored_picture_agrees_with_python(open_page: OpenPage, room: Publisher) -> None:
+    """Equation 15 of paper 003: the backdrop's picture in the mirror direction, with its weight."""
+    room.coefficients = distant_light((-1.0, -0.6, 0.8)) * [1.0, 0.8, 0.5] + 0.3 * distant_light((1.0, 0.2, 0.1))
+    directions, _ = LatLong(32, 64).directions(np.arange(64) + 0.5, np.arange(32)[:, None] + 0.5)
+    lamps = sum(
+        np.exp(24 * (directions @ (np.array(place) / np.linalg.norm(place)) - 1))[..., None] * colour
+        for place, colour in [((-1, -1, 0.8), (6, 4, 2)), ((1, -0.6, 0.1), (0.5, 1, 3)), ((0.2, 1, 1), (1, 3, 1))]
+    )
+    room.backdrop = 0.1 + 0.3 * np.maximum(directions[..., 2:], 0) + lamps
+    hash_ = f"#{BARE}&ev=-1&mirror=0.7&gloss=0.2&exponent=6"
+    page = open_page(hash_, size={"width": SIZE[0], "height": SIZE[1]})
+    scene = page_scene(room.coefficients, mirror=0.7, gloss=0.2, exponent=6.0)
+    # Behind the objects nothing is shown: what the mirrors show is taken away there.
+    picture = encode_as_page(replace(scene, backdrop=SentPicture.of(room.backdrop)), CAMERA, SIZE, ev=-1.0)
+    plain = encode_as_page(scene, CAMERA, SIZE, ev=-1.0)
+    expected = np.where(plain.sum(axis=-1, keepdims=True) > 0, picture, 0)
+    assert np.abs(expected - plain)[plain.sum(axis=-1) > 0].mean() > 0.03 * FULL_SCALE, "the mirror is to be seen"
+    assert compare(page, expected, "render-mirrored-picture") < 0.01
+
+
 def middle(picture: Picture) -> float:
     """Return the brightness of what is in the middle of the picture."""
     height, width, _ = picture.shape
@@ -203,9 +238,9 @@ def test_an_object_that_moves_into_the_dark_gets_darker_as_the_grid_says(
 def test_a_grid_that_cannot_be_drawn_is_refused_in_words(
     open_page: OpenPage, room: Publisher, server: ServerProcess
 ) -> None:
-    name = put_adaptive(server, "adaptive-job")
+    name = put_group(server, "no-grid-job", {"format": "somebody.elses.v2"})
     page = open_page(f"#stream=room&grid={name}&light=grid", size={"width": 900, "height": 600})
-    expect(page.get_by_text("This grid is adaptive")).to_be_visible()
+    expect(page.get_by_text("This is no grid")).to_be_visible()
 
 
 def test_grids_and_probes_look_well(open_page: OpenPage, room: Publisher, grid: tuple[str, Grid]) -> None:

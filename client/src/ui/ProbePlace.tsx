@@ -1,9 +1,29 @@
+import { useState } from "preact/hooks";
+
 import { middleOf } from "../grid/illuminate.ts";
 import { point } from "../jobs/words.ts";
 import { probeStands, snapshot } from "../session.ts";
 import { change, view } from "../view.ts";
 
 const AXES = ["x", "y", "z"];
+
+/** A number in metres, taken when it has been typed to its end; what is being typed is left alone meanwhile. */
+function Metres({ label, value, onChange }: { label: string; value: number; onChange: (value: number) => void }) {
+  const [draft, setDraft] = useState<string | null>(null);
+  return (
+    <input
+      type="number"
+      step={0.05}
+      value={draft ?? String(Number(value.toFixed(3)))}
+      aria-label={label}
+      onInput={(event) => setDraft(event.currentTarget.value)}
+      onChange={(event) => {
+        setDraft(null);
+        if (Number.isFinite(event.currentTarget.valueAsNumber)) onChange(event.currentTarget.valueAsNumber);
+      }}
+    />
+  );
+}
 
 /** Where the live probe stands in the grid: what it sees there is what the grid is held against. */
 export function ProbePlace() {
@@ -13,9 +33,7 @@ export function ProbePlace() {
   const known = snapshot.value?.frame?.position ?? probeStands();
   const stands = known ?? probeAt ?? middleOf(info);
   const outside = stands.some((value, k) => value < info.lower[k]! || value > info.upper[k]!);
-  const set = (axis: number, value: number) => {
-    if (Number.isFinite(value)) change({ probeAt: stands.map((before, k) => (k === axis ? value : before)) });
-  };
+  const set = (axis: number, value: number) => change({ probeAt: stands.map((before, k) => (k === axis ? value : before)) });
   return (
     <>
       {known !== null ? (
@@ -27,14 +45,7 @@ export function ProbePlace() {
         <fieldset class="place" title="The stream's settings do not say it: position_m">
           <legend class="label">Live probe at, metres</legend>
           {AXES.map((axis, k) => (
-            <input
-              key={axis}
-              type="number"
-              step={0.05}
-              value={Number(stands[k]!.toFixed(3))}
-              aria-label={`Live probe, ${axis} in metres`}
-              onChange={(event) => set(k, event.currentTarget.valueAsNumber)}
-            />
+            <Metres key={axis} label={`Live probe, ${axis} in metres`} value={stands[k]!} onChange={(value) => set(k, value)} />
           ))}
           <button type="button" class="link" onClick={() => change({ probeAt: at ?? middleOf(info) })}>
             where the object is
