@@ -17,6 +17,8 @@ FLOAT, UNSIGNED_INT = 5126, 5125
 VERTICES, INDICES = 34962, 34963
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 MAX_BYTES = (1 << 32) - 1
+MAX_STRIDE = 252
+"""Bytes from vertex to vertex (glTF 2.0 §5.11.4)."""
 LANES = 4
 
 
@@ -30,7 +32,8 @@ def encode_glb(meshes: Sequence[Mesh], transfers: Sequence[Float32s] | None = No
     Raises
     ------
     ValueError
-        Where the file would be larger than GLB can say (4 GiB).
+        Where the file would be larger than GLB can say (4 GiB), or a transfer has more than 60 coefficients, which
+        are more than interleaved attributes may hold.
     """
     file = _File()
     for index, mesh in enumerate(meshes):
@@ -93,6 +96,8 @@ class _File:
         """Add the lanes of a transfer ``(V, n)``; return accessors by attribute."""
         count, width = transfer.shape
         slots = -(-width // LANES)
+        if 4 * LANES * slots > MAX_STRIDE:
+            raise ValueError(f"{width} coefficients a vertex cannot be baked; {MAX_STRIDE // 16 * 4} can (7 bands)")
         padded = np.zeros((count, slots * LANES), "<f4")
         padded[:, :width] = transfer
         stride = 4 * LANES * slots

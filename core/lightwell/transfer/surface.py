@@ -25,6 +25,8 @@ from lightwell.geometry.mesh import Float32s, Int32s, Mesh, vertex_normals
 LIFT = 1e-4
 LIFT_OF_EDGE = 0.05
 LIFT_ULPS = 32
+FAR_ULPS = 1 << 12
+"""A mesh whose diagonal is fewer of float32's steps is too coarse there: the lift alone is a hundredth of it."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,13 @@ def make_surface(meshes: Sequence[Mesh]) -> Surface:
         np.concatenate(lifted).astype(np.float32),
         np.concatenate(sides).astype(np.float32),
     )
+
+
+def is_far_away(mesh: Mesh) -> bool:
+    """Return whether a mesh is so small and so far from the origin that float32 does not resolve it."""
+    lower, upper = mesh.bounds
+    diagonal = float(np.linalg.norm(upper.astype(np.float64) - lower))
+    return 0 < diagonal < FAR_ULPS * float(np.spacing(np.abs(mesh.positions).max()))
 
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import io
+import json
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -39,6 +41,33 @@ def test_a_glb_keeps_what_was_written() -> None:
         np.testing.assert_array_equal(after.triangles, before.triangles)
         np.testing.assert_allclose(after.normals, before.normals, atol=1e-6)
         np.testing.assert_allclose(after.albedo, before.albedo, atol=1 / 255)
+
+
+@pytest.mark.parametrize("bands", [1, 5, 7])
+def test_a_glb_keeps_the_rules_of_gltf(bands: int) -> None:
+    """Alignment, strides, bounds and lengths of glTF 2.0 §3.6 and §4.4; another reader finds the attributes."""
+    meshes = [sphere(6, 8, name="ball"), make_mesh("пункт/😀", np.eye(3), [[0, 1, 2]])]
+    lanes = [np.random.default_rng(1).random((len(mesh.positions), bands**2)).astype(np.float32) for mesh in meshes]
+    data = encode_glb(meshes, lanes)
+    magic, version, length, text = struct.unpack_from("<4sIII", data)
+    binary, kind = struct.unpack_from("<I4s", data, 20 + text)
+    assert (magic, version, length, kind) == (b"glTF", 2, len(data), b"BIN\0")
+    document = json.loads(data[20 : 20 + text])
+    assert (text % 4, binary % 4) == (0, 0)
+    assert document["buffers"] == [{"byteLength": binary}]
+    for accessor in document["accessors"]:
+        view = document["bufferViews"][accessor["bufferView"]]
+        assert (view["byteOffset"] % 4, accessor.get("byteOffset", 0) % 4) == (0, 0)
+        assert view["byteOffset"] + view["byteLength"] <= binary
+        shared = sum(one["bufferView"] == accessor["bufferView"] for one in document["accessors"]) > 1
+        assert not shared or 4 <= view["byteStride"] <= 252
+    found = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False).geometry
+    assert list(found) == ["ball", "пункт/😀"]
+    for one, expected in zip(found.values(), lanes, strict=True):
+        together = np.concatenate([one.vertex_attributes[f"_PRT{slot}"] for slot in range(-(-(bands**2) // 4))], axis=1)
+        np.testing.assert_array_equal(together[:, : bands**2], expected)
+    with pytest.raises(ValueError, match="64 coefficients a vertex cannot be baked; 60 can"):
+        encode_glb(meshes[1:], [np.zeros((3, 64), np.float32)])
 
 
 def test_nodes_place_turn_mirror_and_repeat_objects() -> None:

@@ -213,6 +213,16 @@ def test_inside_out_objects_are_told_of(tmp_path: Path) -> None:
     assert any("see no light" in event.get("message", "") for _, event in events)
 
 
+def test_objects_that_float32_does_not_resolve_are_told_of(tmp_path: Path) -> None:
+    ball = sphere(6, 8)
+    for number, metres in enumerate((1e2, 1e5)):
+        far = Mesh("shell", ball.positions + np.float32(metres), ball.triangles, ball.normals, ball.albedo)
+        run(tmp_path / str(number), write_mesh(tmp_path / f"{number}.glb", far), directions=64)
+        events = read_events(tmp_path / str(number) / "inline-job" / "events.jsonl", 0)
+        told = [event["message"] for _, event in events if "far from the origin" in event.get("message", "")]
+        assert len(told) == number, told
+
+
 def test_mistakes_are_named(tmp_path: Path, mesh: Path) -> None:
     with pytest.raises(LightwellError, match=r"no object 'cube'.*'ball', 'plate'"):
         run(tmp_path / "a", mesh, object_albedo={"cube": [0, 0, 0]})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -99,10 +100,11 @@ def estimate(settings: PrtTransferSettings) -> Estimate:
     if settings.mode == "interreflected":
         hits, bounces = HIT_SHARE * rays, settings.bounces
     values = settings.bands**2 * (3 if bounces else 1)
+    held = HIT_SHARE * max(LEAST_PART * settings.directions, PART_SECONDS / RAY_SECONDS) if bounces else 0.0
     seconds = rays * RAY_SECONDS + bounces * hits * BOUNCE_SECONDS * (3 if bounces else 1)
     return Estimate(
         seconds=seconds + vertices * VERTEX_SECONDS + LEAST_SECONDS,
-        memory_bytes=round(PROCESS_BYTES + vertices * (VERTEX_BYTES + 16 * values)),
+        memory_bytes=round(PROCESS_BYTES + vertices * (VERTEX_BYTES + 16 * values) + 2 * HIT_BYTES * held),
         disk_bytes=round(MEGABYTE + vertices * (160 + 10 * values + (112 if settings.bake else 0)) + HIT_BYTES * hits),
     )
 
@@ -112,8 +114,10 @@ def seconds_a_vertex(settings: PrtTransferSettings) -> float:
     return settings.directions * RAY_SECONDS * (1.0 if settings.sampling == "hemisphere" else 0.5)
 
 
-def load_scene(settings: PrtTransferSettings) -> list[Mesh]:
+def load_scene(settings: PrtTransferSettings, check: Callable[[], None] = lambda: None) -> list[Mesh]:
     """Return the meshes of a job: those of the file with the albedo that is asked for, and the ground.
+
+    ``check`` is called after each object, and may raise to stop.
 
     Raises
     ------
@@ -127,11 +131,13 @@ def load_scene(settings: PrtTransferSettings) -> list[Mesh]:
             raise JobError(f"object_albedo: there is no object {name!r} in {settings.mesh}; there are {names[:20]}")
     changed = []
     for mesh in meshes:
+        check()
         albedo = settings.object_albedo.get(mesh.name, settings.albedo)
         normals = None if settings.normals == "triangles" else mesh.normals
         chosen = mesh.albedo if albedo is None else np.asarray(albedo, np.float32)
         changed.append(make_mesh(mesh.name, mesh.positions, mesh.triangles, normals, chosen))
     if settings.ground:
+        check()
         changed.append(
             ground_under(
                 changed,

@@ -17,7 +17,7 @@ from lightwell.geometry.rays import RayScene
 from lightwell.geometry.shapes import box
 from lightwell.job_settings import PrtTransferSettings
 from lightwell.transfer.bounces import fill_hidden, gather
-from lightwell.transfer.directions import Directions, make_directions
+from lightwell.transfer.directions import Directions, Sampling, make_directions
 from lightwell.transfer.surface import Surface, make_surface, merge
 from lightwell.transfer.visibility import HIT, DirectTransfer, Tracer
 from lightwell_workers.jobs.context import stop_if_cancelled
@@ -129,6 +129,12 @@ def load_direct(path: Path) -> DirectTransfer:
         return DirectTransfer(
             file["halves"], file["state"], file["hits"].view(HIT), file["hit_counts"], int(file["rays"])
         )
+
+
+def load_sums(path: Path) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Return ``halves`` and ``state`` of what `trace_part` wrote; its hits, most of the file, stay where they are."""
+    with np.load(path) as file:
+        return file["halves"], file["state"]
 
 
 def bounce_part(cancel: Path, scene: str, direct: str, source: str, out: str) -> None:

@@ -1,7 +1,7 @@
 """``prt-transfer``: how each vertex of meshes answers to light (paper 003 §3.7).
 
-prepare (read the meshes; take an earlier job's result where there is one) → trace (rays of the vertices, part by part)
-→ bounce (once for each, from the hits of the first rays) → write.
+prepare (read the meshes; take an earlier job's result where there is one) → compile (kernels, once) → trace (rays of
+the vertices, part by part) → bounce (once for each, from the hits of the first rays) → write.
 """
 
 from __future__ import annotations
@@ -19,14 +19,23 @@ from lightwell.io.files import write_atomically
 from lightwell.job_settings import JobKind, PrtTransferSettings
 from lightwell.transfer.bounces import fill_hidden, reflected
 from lightwell.transfer.compute import channels_of
-from lightwell.transfer.surface import merge
+from lightwell.transfer.surface import is_far_away, merge
 from lightwell.transfer.visibility import SEEN, error_of_halves, unshadowed
 from lightwell_workers.jobs import prt_cache
 from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.kind import Estimate, Step
 from lightwell_workers.jobs.prt_finish import write_results
 from lightwell_workers.jobs.prt_plan import Part, Plan, digest_of, estimate, load_scene, make_parts, read_plan
-from lightwell_workers.jobs.prt_tasks import bounce_part, load_direct, load_meshes_of, save_scene, trace_part
+from lightwell_workers.jobs.prt_tasks import (
+    bounce_part,
+    compile_kernels,
+    load_meshes_of,
+    load_sums,
+    save_scene,
+    trace_part,
+)
+
+WORTH_SAYING_SECONDS = 2.0
 
 
 class PrtTransfer:
@@ -43,15 +52,23 @@ class PrtTransfer:
     def prepare(self, settings: PrtTransferSettings, context: JobContext) -> None:
         """Read the meshes, and take an earlier job's result or plan the work."""
         context.progress("prepare", 0, 1)
-        meshes = load_scene(settings)
-        context.check()
+        meshes = load_scene(settings, context.check)
         digest = digest_of(settings, meshes)
+        context.check()
         objects = len(meshes) - (1 if settings.ground else 0)
         vertices = sum(len(mesh.positions) for mesh in meshes)
         parts, together = make_parts(settings, vertices, context.processes)
         plan = Plan(digest, objects, vertices, channels_of(meshes, settings.mode), parts, together)
         if settings.reuse:
             plan.reused = prt_cache.take(context.directory.path.parent, digest, context.results)
+        for mesh in meshes:
+            if is_far_away(mesh):
+                context.log(
+                    f"{mesh.name!r} is small and far from the origin, where numbers of 32 bits are"
+                    f" {float(np.spacing(np.abs(mesh.positions).max())):.2g} m apart: its shadows will be rough;"
+                    " move it to the origin in a modelling program",
+                    level="warning",
+                )
         if plan.reused is None:
             save_scene(_scene(context), meshes)
             triangles = sum(len(mesh.triangles) for mesh in meshes)
@@ -96,6 +113,8 @@ def _remember(plan: Plan, context: JobContext) -> None:
 
 
 def _trace(settings: PrtTransferSettings, plan: Plan, group: list[Part], context: JobContext) -> None:
+    if group[0].first == 0:
+        _compile(settings, context)
     context.progress("trace", group[0].first, plan.vertices)
     missing = [part for part in group if not _direct(context, part).exists()]
     document, keep = settings.model_dump_json(), settings.mode == "interreflected"
@@ -112,15 +131,28 @@ def _trace(settings: PrtTransferSettings, plan: Plan, group: list[Part], context
     context.log("traced", rays=rays, core_seconds=round(seconds, 3))
 
 
+def _compile(settings: PrtTransferSettings, context: JobContext) -> None:
+    """Have the kernels compiled, so that it is said what takes so long on a fresh installation."""
+    total = context.processes
+    context.progress("compile", 0, total)
+    items = [(settings.model_dump_json(),)] * total
+    seconds = 0.0
+    for done, took in enumerate(context.map(compile_kernels, items), 1):
+        seconds = max(seconds, took)
+        context.progress("compile", done, total)
+    if seconds > WORTH_SAYING_SECONDS:
+        context.log("kernels compiled", seconds=round(seconds, 1))
+
+
 def _load_direct_sums(plan: Plan, context: JobContext) -> tuple[Float32s, Float32s, Any]:
     """Return the direct transfer ``(V, bands²)``, its estimated error and the state of all vertices."""
     sums, errors, states = [], [], []
     for part in plan.parts:
         context.check()
-        found = load_direct(_direct(context, part))
-        sums.append(found.halves.sum(axis=1))
-        errors.append(error_of_halves(found.halves, round(found.halves.shape[2] ** 0.5)))
-        states.append(found.state)
+        halves, state = load_sums(_direct(context, part))
+        sums.append(halves.sum(axis=1))
+        errors.append(error_of_halves(halves, round(halves.shape[2] ** 0.5)))
+        states.append(state)
     return np.concatenate(sums), np.concatenate(errors), np.concatenate(states)
 
 
