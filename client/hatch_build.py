@@ -27,6 +27,8 @@ SOURCE_FILES = (
     "package.json",
     "package-lock.json",
     "tsconfig.json",
+    "tsconfig.module.json",
+    "tools/declarations.ts",
     "vite.config.ts",
     "vite.module.config.ts",
     "index.html",

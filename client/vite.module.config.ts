@@ -1,9 +1,11 @@
 // The module for other people's pages: one file beside the page, with three.js left to whoever uses it; and three.js
 // itself for the example, which must work without the internet.
 
-import { copyFileSync } from "node:fs";
+import { copyFileSync, writeFileSync } from "node:fs";
 
 import { build, defineConfig, type BuildOptions } from "vite";
+
+import { declarations } from "./tools/declarations.ts";
 
 const out = "lightwell_client/static";
 
@@ -21,6 +23,12 @@ export default defineConfig({
   publicDir: false,
   build: library("src/module/index.ts", "lightwell-three.js", [/^three($|\/)/]),
   plugins: [
+    {
+      name: "types",
+      closeBundle() {
+        writeFileSync(`${out}/lightwell-three.d.ts`, declarations());
+      },
+    },
     {
       name: "three-for-the-example",
       async closeBundle() {

@@ -32,6 +32,13 @@ def test_the_module_is_small_and_leaves_three_to_the_page() -> None:
     assert "LightwellGrid" in text
 
 
+def test_the_module_ships_its_types() -> None:
+    """What they say is compared with a stranger's page in ``types.test.ts``."""
+    text = (STATIC / "lightwell-three.d.ts").read_text(encoding="utf-8")
+    for name in ("LightwellProbe", "LightwellGrid"):
+        assert f"export declare class {name} " in text
+
+
 def test_a_page_is_lit_by_a_stream(open_page: OpenPage, room: Publisher) -> None:
     page = open_page(path="/example.html", hash_="?stream=room", size={"width": 800, "height": 500})
     columns = {"three's material": slice(120, 300), "ours": slice(300, 500), "ours, glossy": slice(500, 760)}
