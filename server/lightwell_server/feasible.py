@@ -78,11 +78,9 @@ def _check_source(text: str) -> None:
 
             parse_options(url, VideoOptions)
         case "synthetic":
-            from lightwell_workers.ingest.sources.synthetic import SCENES, RoomOptions
+            from lightwell_workers.ingest.sources.synthetic import read_options
 
-            parse_options(url, RoomOptions)
-            if url.target not in SCENES:
-                raise SourceError(f"source {text!r}: no scene {url.target!r}. There is: {', '.join(SCENES)}")
+            read_options(url)
         case "upload":
             from lightwell_workers.ingest.sources.upload import check_upload
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import msgspec
 
 from lightwell.conventions import Convention, coefficient_count
-from lightwell.sh.engines import convert, convert_directions
+from lightwell.sh.engines import convert, convert_directions, convert_gradients
 from lightwell.wire import Frame, Vector3, pack_coefficients, unpack_coefficients, unpack_gradients
 
 
@@ -66,4 +66,4 @@ def _coefficients(packed: bytes, source: Convention, to: Convention, bands: int)
 def _gradients(packed: bytes, source: Convention, to: Convention, bands: int) -> bytes:
     """Convert ``(bands², 3, 3)`` derivatives: each one's coefficients, and the axes along which they are taken."""
     gradients = unpack_gradients(packed)[: coefficient_count(bands)]
-    return pack_coefficients(convert_directions(convert(gradients, to, source), to, source))
+    return pack_coefficients(convert_gradients(gradients, to, source))

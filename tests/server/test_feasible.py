@@ -27,7 +27,7 @@ ROOM = "synthetic:room"
         ({"source": "exr:x?pace=2"}, "source", "has no option 'pace'"),
         ({"source": "video:x?transfer=gamma"}, "source", "option 'transfer'"),
         ({"source": "synthetic:room?fps=abc"}, "source", "option 'fps'"),
-        ({"source": "synthetic:cellar"}, "source", "There is: room"),
+        ({"source": "synthetic:cellar"}, "source", "There are: room, cube"),
         ({"source": "exr:\0"}, "source", "without NUL"),
         ({"source": "exr:\0", "enabled": False}, "source", "without NUL"),
         ({"source": "exr:\ud800"}, "source", "lone surrogates"),

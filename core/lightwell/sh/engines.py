@@ -141,6 +141,14 @@ def convert(coefficients: ArrayLike, to: Convention, source: Convention = "light
     return converted
 
 
+def convert_gradients(gradients: ArrayLike, to: Convention, source: Convention = "lightwell") -> NDArray[np.float64]:
+    """Return derivatives ``(bands², ..., 3)`` along the axes of ``source`` in another convention, along its axes.
+
+    Lengths stay metres in all conventions. Raises as `convert`.
+    """
+    return convert_directions(convert(gradients, to, source), to, source)
+
+
 def _engine(convention: Convention) -> _Engine:
     try:
         return _ENGINES[convention]

@@ -179,8 +179,17 @@ PRESETS: dict[str, Scene] = {
         ),
         **_ROOM,
     ),
+    "panel": Scene(
+        "panel",
+        (Emitter("area", (0.2, 0.1, 1.4), (0.0, 0.35, 0.0), (0.5, 0.0, 0.0), (12.0, 11.0, 9.0), 0.3),),
+        room_half=(2.6, 2.2, 1.4),
+        walls=_ROOM["walls"],
+        wall_texture=0.5,
+        bounds=((-0.8, -0.8, -0.6), (0.8, 0.8, 0.8)),
+    ),
     "constant": Scene("constant", far=(1.0, 0.8, 0.6)),
     "distant": Scene("distant", far=(0.3, 0.35, 0.4), far_lobe=(8.0, 7.0, 5.0)),
 }
-"""``cube``: the simulation of MATHS §6. ``scene1``, ``scene2``: the two of paper 000. ``constant`` and ``distant``: no
-change in space."""
+"""``cube``: the simulation of MATHS §6. ``scene1``, ``scene2``: the two of paper 000. ``panel``: a room with an area
+light in its ceiling, so that the room's box says how far all of it is. ``constant`` and ``distant``: no change in
+space."""

@@ -11,6 +11,7 @@ from lightwell.errors import LightwellError
 from lightwell_server.cli.capture import capture_commands
 from lightwell_server.cli.demo import demo
 from lightwell_server.cli.doctor import doctor
+from lightwell_server.cli.field import field_commands
 from lightwell_server.cli.grid import grid_commands
 from lightwell_server.cli.ingest import ingest
 from lightwell_server.cli.jobs import cancel, job, jobs, retry, submit
@@ -46,6 +47,7 @@ for command in (serve, demo, ingest, work, watch, project, render, submit, jobs,
     app.command()(command)
 app.add_typer(capture_commands, name="capture")
 app.add_typer(grid_commands, name="grid")
+app.add_typer(field_commands, name="field")
 
 
 def main() -> None:

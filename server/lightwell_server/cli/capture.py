@@ -112,17 +112,17 @@ def import_frames(
 
     from lightwell.io.importing import ImportSettings, import_capture
     from lightwell.settings import MappingSettings
-    from lightwell_server.cli.grid import _vector
+    from lightwell_server.cli.grid import parse_vector
 
     try:
         settings = MappingSettings(
             kind=mapping,
-            forward=_vector("--forward", forward),
-            up=_vector("--up", up),
+            forward=parse_vector("--forward", forward),
+            up=parse_vector("--up", up),
             fov_degrees=fov_degrees,
             sphere_radius_m=sphere_radius_m,
             sphere_distance_m=sphere_distance_m,
-            disc=None if disc is None else _vector("--disc", disc),
+            disc=None if disc is None else parse_vector("--disc", disc),
         )
     except ValidationError as error:
         raise _wrong_option(error) from None
@@ -287,12 +287,12 @@ def truth(
     from lightwell.errors import LightwellError
     from lightwell.io.captures import open_capture
     from lightwell.synthetic.scene import scene_from_json
-    from lightwell_server.cli.grid import _vector
+    from lightwell_server.cli.grid import parse_vector
 
     info = open_capture(directory).info
     if info.scene is None:
         raise LightwellError(f"{directory}: is no simulated capture: its exact light is not known")
-    points = np.array([_vector("--at", text) for text in at])
+    points = np.array([parse_vector("--at", text) for text in at])
     exact = scene_from_json(info.scene).coefficients(points, bands)
     document = {
         "capture": str(directory),

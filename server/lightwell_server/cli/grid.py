@@ -32,6 +32,7 @@ def info(
     import numpy as np
 
     from lightwell.field.adaptive import AdaptiveGrid
+    from lightwell.gradients.trust import grid_trust_radius
 
     opened = _open(grid, server, token)
     regular = opened.to_regular()
@@ -51,6 +52,9 @@ def info(
         "coverage_least": float(regular.coverage.min()),
         "attributes": opened.attributes,
     }
+    # Noise bends too: where a grid has some, the radius is rather too small.
+    radius = grid_trust_radius(coefficients, spec.voxel)
+    summary["trust_radius_m"] = float(np.median(radius)) if np.isfinite(radius).any() else None
     if isinstance(opened, AdaptiveGrid):
         of_regular = opened.memory_bytes() / regular.memory_bytes()
         summary |= {"tolerance": opened.tolerance, "leaves": opened.leaves, "memory_of_regular": round(of_regular, 4)}
@@ -87,7 +91,7 @@ def sample(
     opened = _open(grid, server, token)
     if gradients and convention != "lightwell":
         raise LightwellError("--gradients are given in the lightwell convention only")
-    points = np.array([_vector("--at", text) for text in at])
+    points = np.array([parse_vector("--at", text) for text in at])
     document = describe_samples(
         grid, opened, points, min(bands or opened.bands, opened.bands), convention, gradients
     ).model_dump(exclude_none=True)
@@ -137,13 +141,14 @@ def _open(grid: str, server: str, token: str | None) -> AnyGrid:
 def _direction(option: str, text: str) -> Any:  # noqa: ANN401
     from lightwell.errors import LightwellError
 
-    vector = _vector(option, text)
+    vector = parse_vector(option, text)
     if not any(vector):
         raise LightwellError(f"{option}: {text!r}: must not be 0,0,0")
     return vector
 
 
-def _vector(option: str, text: str) -> Any:  # noqa: ANN401
+def parse_vector(option: str, text: str) -> tuple[float, float, float]:
+    """Return the numbers of ``x,y,z``; raises `LightwellError` that names the option."""
     import math
 
     from lightwell.errors import LightwellError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from lightwell.conventions import DEFAULT_BANDS, MAX_BANDS, Convention
-from lightwell.settings import MappingName, ProjectionWeights, WindowKind
+from lightwell.settings import MappingName, ProjectionWeights, ProxyKind, WindowKind
 from lightwell_server.cli.output import quiet_libraries
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from lightwell.probe.samples import SampleCounts
     from lightwell.settings import MappingSettings
+    from lightwell_workers.ingest.frame import Pixels
+    from lightwell_workers.ingest.stages.gradients import Slope
 
 BAR_WIDTH = 24
 
@@ -39,11 +41,21 @@ def project(
     ),
     weights: ProjectionWeights = typer.Option("solid-angle", help="Quadrature; paper and fejer are for latlong."),
     resolution: int = typer.Option(0, min=0, help="Width in pixels to downsample to first; 0: the whole picture."),
+    proxy: ProxyKind = typer.Option("none", help="What stands for the surroundings; prints gradients too."),
+    position: str | None = typer.Option(None, metavar="X,Y,Z", help="Where the probe stands, world metres."),
+    proxy_radius_m: float | None = typer.Option(None, help="Sphere: its radius, metres."),
+    proxy_centre: str | None = typer.Option(None, metavar="X,Y,Z", help="Sphere: its centre (default: the probe)."),
+    box_lower: str | None = typer.Option(None, metavar="X,Y,Z", help="Box: its lower corner, world metres."),
+    box_upper: str | None = typer.Option(None, metavar="X,Y,Z", help="Box: its upper corner, world metres."),
+    proxy_mesh: str | None = typer.Option(None, help="Mesh: file of the room, world metres."),
+    proxy_mesh_up: Literal["y", "z"] = typer.Option("y", help="Mesh: which of the file's axes points up."),
+    proxy_depth: str | None = typer.Option(None, help="Depth: EXR of the picture's size, metres along each ray."),
     json: bool = typer.Option(False, "--json", help="Print one JSON document."),
 ) -> None:
     """Project the light in IMAGE onto spherical harmonics."""
     from pydantic import ValidationError
 
+    from lightwell.conventions import degree_of_index
     from lightwell.errors import MappingError
     from lightwell.io.pictures import read_picture
     from lightwell.probe.downsample import Downsampler
@@ -79,7 +91,21 @@ def project(
         reduce = Downsampler(geometry, resolution)
         pixels, geometry = reduce(pixels), reduce.mapping
     coefficients = projector(geometry, bands, weights, blind).project(pixels)
-    coefficients, _, strength = WindowStage(WindowSettings(kind=window), bands).update(coefficients, 0)
+    coefficients, window_weights, strength = WindowStage(WindowSettings(kind=window), bands).update(coefficients, 0)
+    slope = None
+    if proxy != "none":
+        measures = {
+            "proxy": proxy,
+            "radius_m": proxy_radius_m,
+            "centre_m": _maybe("--proxy-centre", proxy_centre),
+            "box_lower_m": _maybe("--box-lower", box_lower),
+            "box_upper_m": _maybe("--box-upper", box_upper),
+            "mesh": proxy_mesh,
+            "mesh_up": proxy_mesh_up,
+            "depth": proxy_depth,
+        }
+        slope = _slope(image, picture.pixels, settings, bands, measures, _maybe("--position", position))
+        slope.gradients[:] *= window_weights[degree_of_index(bands), None, None]
     if json:
         _print_json(
             {
@@ -89,15 +115,84 @@ def project(
                 "window": window,
                 "mapping": mapping,
                 "coefficients": convert(coefficients, convention).tolist(),
+                **({} if slope is None else _describe_slope(slope, convention)),
             }
         )
     else:
         _print_table(coefficients, convention)
+        if slope is not None:
+            _print_slope(slope, convention)
         if strength:
             typer.echo(f"The window's strength is λ = {strength:.4g}.")
     notes = [_sample_note(counts, pixels_total=picture.pixels.size), _mapping_note(settings, *picture.pixels.shape[:2])]
     for note in filter(None, notes):
         typer.echo(note, err=json)
+
+
+def _slope(
+    image: Path,
+    pixels: Pixels,
+    mapping: MappingSettings,
+    bands: int,
+    measures: dict[str, Any],
+    position: tuple[float, float, float] | None,
+) -> Slope:
+    """Return the gradients of a picture; raises `LightwellError` where the proxy cannot be used."""
+    from pydantic import ValidationError
+
+    from lightwell.errors import LightwellError, ProxyError
+    from lightwell.probe.samples import repair
+    from lightwell.settings import StreamSettings
+    from lightwell_workers.ingest.frame import Frame
+    from lightwell_workers.ingest.stages.reduce import reduce_frame
+
+    document = {"source": str(image), "mapping": mapping, "bands": bands}
+    document |= {"position_m": position, "gradients": {key: item for key, item in measures.items() if item is not None}}
+    try:
+        settings = StreamSettings.model_validate(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise LightwellError(f"--proxy: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    frame = Frame(pixels=repair(pixels), name=image.name, capture_time_ns=0, ingest_time_ns=0)
+    slope = reduce_frame(frame, settings).slope
+    if slope is None:
+        raise ProxyError("--proxy-depth: names no file of this picture")
+    return slope
+
+
+def _describe_slope(slope: Slope, convention: Convention) -> dict[str, Any]:
+    import math
+
+    from lightwell.sh.engines import convert_gradients
+
+    radius = slope.trust_radius_m
+    return {
+        "gradients": convert_gradients(slope.gradients, convention).tolist(),
+        "trust_radius_m": radius if math.isfinite(radius) else None,
+    }
+
+
+def _print_slope(slope: Slope, convention: Convention) -> None:
+    """Print the change of the luminance of each coefficient, and how far it holds."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from lightwell.conventions import LUMINANCE
+    from lightwell.sh.engines import convert_gradients
+
+    shown = convert_gradients(slope.gradients, convention)
+    table = Table(title="change per metre (luminance)", title_justify="left")
+    for heading in ("coefficient", "d/dx", "d/dy", "d/dz"):
+        table.add_column(heading, justify="right")
+    for index, change in enumerate((shown * LUMINANCE[:, None]).sum(axis=1)):
+        table.add_row(str(index), *(f"{value:.5g}" for value in change))
+    console = Console(soft_wrap=True)
+    console.print(table)
+    console.print(f"Right to about 10 % within {slope.trust_radius_m:.3g} m of the probe")
+
+
+def _maybe(option: str, text: str | None) -> tuple[float, float, float] | None:
+    return None if text is None else _numbers(option, text)
 
 
 def _numbers(option: str, text: str) -> tuple[float, float, float]:

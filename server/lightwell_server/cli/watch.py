@@ -27,6 +27,7 @@ def watch(
     json: bool = typer.Option(False, "--json", help="Print every frame as one line of JSON."),
     convention: str = typer.Option("lightwell", help="lightwell, three, filament, unity, unreal or sloan."),
     bands: int | None = typer.Option(None, min=1, max=8, help="At most this many bands."),
+    gradients: bool = typer.Option(False, "--gradients", help="Also how the light changes beside the probe."),
     token: str | None = typer.Option(None, envvar="LIGHTWELL_TOKEN", help="The server's token."),
 ) -> None:
     """Show the light of STREAM as it comes; reconnects by itself."""
@@ -37,7 +38,9 @@ def watch(
     if chosen is None:
         raise typer.BadParameter(f"{convention!r}: must be one of {', '.join(CONVENTIONS)}", param_hint="--convention")
     try:
-        light = LightStream(stream, server, bands=bands, convention=chosen, token=token, newest=not json)
+        light = LightStream(
+            stream, server, bands=bands, convention=chosen, gradients=gradients, token=token, newest=not json
+        )
     except ValueError as error:
         raise LightwellError(f"--server: {error}") from None
     try:
@@ -89,6 +92,7 @@ def _show_table(light: LightStream, count: int | None) -> None:
 def _table(light: LightStream, history: deque[LightFrame]) -> Table:
     import time
 
+    import numpy as np
     from rich.table import Table
 
     info, status = light.info, light.status
@@ -120,6 +124,13 @@ def _table(light: LightStream, history: deque[LightFrame]) -> Table:
     table.add_row(
         "coefficient 0", f"R {red:.5g}  G {green:.5g}  B {blue:.5g} ({newest.convention}, {newest.bands} bands)"
     )
+    if newest.position is not None:
+        table.add_row("probe at", "  ".join(f"{value:.3f}" for value in newest.position) + " m")
+    if newest.gradients is not None:
+        change = np.linalg.norm(newest.gradients[0], axis=-1) / np.maximum(np.abs(newest.coefficients[0]), 1e-30)
+        radius = newest.trust_radius_m
+        reach = "" if radius is None else f", right to about 10 % within {radius:.2g} m"
+        table.add_row("gradient", f"the mean changes by {change.max():.0%} a metre{reach}")
     if newest.quality.stage_ms:
         stages = "  ".join(f"{name} {milliseconds:.1f}" for name, milliseconds in newest.quality.stage_ms.items())
         table.add_row("stages, ms", stages)

@@ -43,7 +43,7 @@ def test_options_are_typed_and_empty_ones_are_defaults() -> None:
         ("exr:a?fps=fast", "option 'fps'"),
         ("exr:a?fps=0", "greater than 0"),
         ("exr:?fps=1", "names no files"),
-        ("synthetic:cave", "There is: room"),
+        ("synthetic:cave", "There are: room, cube"),
         ("synthetic:room?light_radius=9", "must not reach the probe"),
     ],
 )

@@ -84,6 +84,7 @@ class Pipeline:
         self._finisher = Finisher(stream, session)
         self._backdrop = BackdropStage(stream, session, sink.show)
         self._bad_frames = BadFrames()
+        self._has_slope = True
         self._skipping = threading.Lock()
         self._free_reducers = threading.Semaphore(REDUCERS)
         self._in_order: queue.SimpleQueue[Future[Reduced] | None] = queue.SimpleQueue()
@@ -170,6 +171,11 @@ class Pipeline:
         counters.infinite_samples += counts.infinite
         counters.negative_samples += counts.negative
         counters.last_frame_time_ns = time.time_ns()
+        if reduced.no_slope:
+            counters.last_error = f"no gradients: {reduced.no_slope}"
+            if self._has_slope:  # the reason names the place, which changes with every frame
+                stage_logger("gradients").warning("no gradients", frame=reduced.frame.name, reason=reduced.no_slope)
+        self._has_slope = not reduced.no_slope
 
     def _skip(self, error: FrameError) -> None:
         with self._skipping:  # both the capture and the finish thread skip

@@ -29,7 +29,6 @@ from lightwell.probe.half import Picture
 from lightwell.probe.mapping import Mapping
 from lightwell.settings import GradientsSettings, StreamSettings
 from lightwell_workers.ingest.frame import Frame
-from lightwell_workers.ingest.log import stage_logger
 from lightwell_workers.ingest.stages.map import Geometry, in_closed_form
 
 WIDEST = 512
@@ -49,6 +48,10 @@ class Slope:
     """How far they hold (MATHS §7.4); infinite where the light is far."""
 
 
+class PassingProxyError(ProxyError):
+    """Of one frame alone: a probe that moves has left its proxy, or the frame's depth file is bad."""
+
+
 class _View(NamedTuple):
     """From where and which way a probe looks, hashable."""
 
@@ -64,8 +67,8 @@ def measure_slope(
     reduced: Picture,
     projected: Floats,
     uploads: Path | None = None,
-) -> Slope | None:
-    """Return the gradients of a frame; None where a probe that moves has left its proxy, or one depth file is bad.
+) -> Slope:
+    """Return the gradients of a frame.
 
     Parameters
     ----------
@@ -80,6 +83,8 @@ def measure_slope(
 
     Raises
     ------
+    PassingProxyError
+        Where there are none for this frame.
     ProxyError, MeshError
         Where the proxy cannot be used: an option, a file or the probe's place is wrong or missing.
     """
@@ -88,13 +93,16 @@ def measure_slope(
         return Slope(sphere_gradients(projected, wanted.radius_m), trust_radius(wanted.radius_m))
     mapping, picture = _picture(frame, geometry, reduced)
     panorama = _panorama(mapping)
+    view = _view(frame, settings)
+    if wanted.proxy != "depth":
+        _proxy(wanted, uploads)  # what is wrong with it is wrong for every frame
     try:
-        plan = _plan(mapping, geometry.mapping, settings.bands, wanted, _view(frame, settings), uploads)
+        plan = _plan(mapping, geometry.mapping, settings.bands, wanted, view, uploads)
     except ProxyError as error:
-        if frame.position_m is None and "{stem}" not in (wanted.depth or ""):
-            raise  # it will be so for every frame
-        _say_once(str(error))
-        return None
+        lasts = "{stem}" not in (wanted.depth or "") if wanted.proxy == "depth" else frame.position_m is None
+        if lasts:
+            raise
+        raise PassingProxyError(str(error)) from None
     samples = panorama(picture)
     return Slope(plan.apply(samples) * settings.gain, trust_radius(plan.mean_distance(samples)))
 
@@ -181,8 +189,3 @@ def _depth_proxy(mapping: Mapping, file: str) -> Proxy:
             f"{mapping.width}×{mapping.height}: both must look alike, pixel by pixel"
         )
     return DepthProxy(mapping, metres)
-
-
-@lru_cache(maxsize=64)
-def _say_once(reason: str) -> None:
-    stage_logger("gradients").warning("no gradients", reason=reason)

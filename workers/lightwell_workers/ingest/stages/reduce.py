@@ -12,7 +12,7 @@ from lightwell.conventions import coefficient_count
 from lightwell.probe.samples import SampleCounts
 from lightwell.settings import StreamSettings
 from lightwell_workers.ingest.frame import Frame, Pixels
-from lightwell_workers.ingest.stages.gradients import Slope, measure_slope
+from lightwell_workers.ingest.stages.gradients import PassingProxyError, Slope, measure_slope
 from lightwell_workers.ingest.stages.map import Geometry, make_geometry
 from lightwell_workers.ingest.stages.merge import merge
 from lightwell_workers.ingest.stages.timing import StageTimes
@@ -32,6 +32,8 @@ class Reduced:
     """In the mapping's axes, ``(bands², 3)``, not windowed or filtered."""
     slope: Slope | None
     """How they change with the probe's place, in the mapping's axes; None where that is not measured."""
+    no_slope: str
+    """Why this frame has no gradients though the stream has; empty otherwise."""
     counts: SampleCounts
     times: StageTimes
 
@@ -56,10 +58,13 @@ def reduce_frame(frame: Frame, settings: StreamSettings, uploads: Path | None = 
         reduced = pixels if geometry.downsampler is None else geometry.downsampler(pixels)
     with times.measure("project"):
         projected = geometry.projector.project(reduced) * settings.gain
-    slope = None
+    slope, no_slope = None, ""
     if settings.gradients.proxy != "none":
         with times.measure("gradients"):
-            slope = measure_slope(frame, settings, geometry, reduced, projected, uploads)
+            try:
+                slope = measure_slope(frame, settings, geometry, reduced, projected, uploads)
+            except PassingProxyError as error:
+                no_slope = str(error)
     return Reduced(
         frame=frame,
         settings=settings,
@@ -67,6 +72,7 @@ def reduce_frame(frame: Frame, settings: StreamSettings, uploads: Path | None = 
         geometry=geometry,
         coefficients=projected[: coefficient_count(settings.bands)],
         slope=slope,
+        no_slope=no_slope,
         counts=counts,
         times=times,
     )
