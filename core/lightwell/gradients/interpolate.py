@@ -62,7 +62,7 @@ class SampleSet:
             raise ValueError(
                 f"gradients have the shape {self.gradients.shape}; {(*self.coefficients.shape, 3)} is needed"
             )
-        self._places = _Places(self.positions)
+        self.places = Places(self.positions)
 
     def at(self, points: ArrayLike, method: Method = "barycentric", power: float = 2.0) -> Floats:
         """Return the coefficients ``(…, bands², 3)`` at points ``(…, 3)`` in metres.
@@ -100,12 +100,12 @@ class SampleSet:
         offsets = points[:, None, :] - self.positions
         if method == "shepard":
             return _shepard(offsets, power), offsets
-        weights, nearest = self._places.locate(points)
+        weights, nearest = self.places.locate(points)
         return weights, offsets - 0.5 * (nearest[:, None, :] - self.positions)
 
 
-class _Places:
-    """Where points lie among samples: simplices of the samples' affine hull."""
+class Places:
+    """Where points lie among samples ``(n, 3)``: simplices of the samples' affine hull."""
 
     def __init__(self, positions: Floats) -> None:
         self.count = len(positions)
@@ -141,13 +141,26 @@ class _Places:
             return weights, np.broadcast_to(self.origin, points.shape)
         return weights, self.origin + (weights @ self.local) @ self.axes
 
-    def _locate(self, local: Floats, weights: Floats) -> None:
+    def owners(self, points: Floats) -> Indices:
+        """Return which simplex each of the points ``(p, 3)`` is in, ``(p,)``; −1 outside the hull."""
+        if self.dimension == 0:
+            return np.full(len(points), -1, np.intp)
+        local = (points - self.origin) @ self.axes.T
+        block = max(1, BLOCK // (len(self.simplices) * (self.dimension + 1)))
+        parts = [self._owners(local[start : start + block]) for start in range(0, len(points), block)]
+        return np.concatenate([np.where(inside, best, -1) for _, best, inside in parts])
+
+    def _owners(self, local: Floats) -> tuple[Floats, Indices, NDArray[np.bool_]]:
+        """Return barycentric coordinates ``(p, simplices, d + 1)``, the simplex that fits best, and whether it does."""
         aim = np.concatenate([local, np.ones((len(local), 1))], axis=1)
-        shares = np.einsum("sij,pj->psi", self.inverse, aim, optimize=True)
+        shares = (aim @ self.inverse.reshape(-1, self.dimension + 1).T).reshape(len(local), -1, self.dimension + 1)
         lowest = shares.min(axis=2)
         best = np.argmax(lowest, axis=1)
+        return shares, best, lowest[np.arange(len(local)), best] >= -1e-9
+
+    def _locate(self, local: Floats, weights: Floats) -> None:
+        shares, best, inside = self._owners(local)
         rows = np.arange(len(local))
-        inside = lowest[rows, best] >= -1e-9
         chosen = np.maximum(shares[rows, best], 0)
         chosen /= chosen.sum(axis=1, keepdims=True)
         weights[rows[inside, None], self.simplices[best[inside]]] = chosen[inside]

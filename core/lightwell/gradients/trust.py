@@ -40,8 +40,8 @@ def grid_trust_radius(coefficients: ArrayLike, voxel: ArrayLike) -> NDArray[np.f
     """Return the trust radius of each cell of a grid, ``(z, y, x)`` metres, from second differences.
 
     The next term of the series is ``½ |H| d²``, H the second derivatives: it reaches 10 % of ``|c|`` at
-    ``d = √(2 · .1 |c| / |H|)``. H is taken as the norm over all coefficients and axis pairs of its largest direction's
-    bound, ``√Σ_ab |∂_a∂_b c|²``. Infinite where nothing bends.
+    ``d = √(2 · .1 |c| / |H|)``, with ``|H|² = Σ_ab |∂_a ∂_b c|²`` over all coefficients: a bound in all directions.
+    Infinite where nothing bends.
 
     Parameters
     ----------
@@ -50,26 +50,21 @@ def grid_trust_radius(coefficients: ArrayLike, voxel: ArrayLike) -> NDArray[np.f
     voxel
         ``(3,)`` size of a cell along x, y, z in metres. An axis of less than three cells adds nothing.
     """
-    values = np.asarray(coefficients, dtype=np.float64)
-    sizes = np.asarray(voxel, dtype=np.float64)
-    bend = np.zeros(values.shape[:3])
-    for first in range(3):
-        if values.shape[2 - first] < 3:
-            continue
-        slope = np.gradient(values, float(sizes[first]), axis=2 - first)
-        for second in range(3):
-            axis = 2 - second
-            if values.shape[axis] < 3:
-                continue
-            twice = (
-                np.gradient(slope, float(sizes[second]), axis=axis)
-                if second != first
-                else _second(values, float(sizes[first]), axis)
-            )
-            bend += np.sum(twice * twice, axis=(3, 4))
-    norm = np.sqrt(np.sum(values * values, axis=(3, 4)))
+    table, sizes = np.asarray(coefficients), np.asarray(voxel, dtype=np.float64)
+    axes = [axis for axis in range(3) if table.shape[2 - axis] >= 3]
+    bend, square = np.zeros(table.shape[:3]), np.zeros(table.shape[:3])
+    for index in range(table.shape[3]):  # one at a time: derivatives of a whole grid would fill the memory
+        values = table[..., index, :].astype(np.float64)
+        square += np.sum(values * values, axis=-1)
+        for first in axes:
+            twice = _second(values, float(sizes[first]), 2 - first)
+            bend += np.sum(twice * twice, axis=-1)
+            slope = np.gradient(values, float(sizes[first]), axis=2 - first)
+            for second in axes[axes.index(first) + 1 :]:
+                twice = np.gradient(slope, float(sizes[second]), axis=2 - second)
+                bend += 2 * np.sum(twice * twice, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        radius = np.sqrt(2 * TOLERANCE * norm / np.sqrt(bend))
+        radius = np.sqrt(2 * TOLERANCE * np.sqrt(square / bend))
     return np.where(bend > 0, radius, np.inf)
 
 
