@@ -83,6 +83,8 @@ export interface Job {
   finished: number | null;
   artifacts: Artifact[];
   error: string | null;
+  /** When the picture of what there is so far was drawn; `null`: there is none. */
+  preview_ns: number | null;
 }
 
 export interface JobKind {

@@ -46,11 +46,11 @@ def let_go(page: Page) -> None:
     page.evaluate(_SEND, ["drop"])
 
 
-def mushroom() -> bytes:
+def mushroom(height_m: float = 0.7) -> bytes:
     """Return a GLB of a disc that stands over a stem: its shadow is wide."""
     cap = trimesh.creation.cylinder(radius=0.5, height=0.08, sections=24).subdivide()
-    stem = trimesh.creation.cylinder(radius=0.08, height=0.7, sections=12).subdivide()
-    parts = [(cap, 0.7), (stem, 0.35)]
+    stem = trimesh.creation.cylinder(radius=0.08, height=height_m, sections=12).subdivide()
+    parts = [(cap, height_m), (stem, height_m / 2)]
     meshes = []
     for part, height in parts:
         positions = np.asarray(part.vertices, dtype=np.float32) + np.array([0, 0, height], dtype=np.float32)

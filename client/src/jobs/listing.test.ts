@@ -5,7 +5,7 @@ import { Listing, PAGE } from "./listing.ts";
 
 /** Job number `n`; a higher one is newer. */
 function job(n: number, state: Job["state"] = "succeeded"): Job {
-  const fixed = { kind: "ilf-grid", priority: 100, settings: {}, progress: null, attempts: 1, started: null, finished: null, artifacts: [], error: null };
+  const fixed = { kind: "ilf-grid", priority: 100, settings: {}, progress: null, attempts: 1, started: null, finished: null, artifacts: [], error: null, preview_ns: null };
   return { id: String(n).padStart(4, "0"), state, created: n, ...fixed };
 }
 

@@ -15,6 +15,7 @@ const JOB: Job = {
   finished: null,
   artifacts: [],
   error: null,
+  preview_ns: null,
 };
 
 class Source {

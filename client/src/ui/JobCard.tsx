@@ -47,6 +47,13 @@ function lineWords({ type, time_ns, level, message, state, error, ...rest }: Log
   return [time, said, ...(error === undefined ? [] : [String(error)]), ...details].join(" ");
 }
 
+/** An address that is another one when the picture is: the page would not ask again for the same. */
+function withVersion(address: string, version: number): string {
+  const url = new URL(address);
+  url.searchParams.set("drawn", String(version));
+  return url.href;
+}
+
 export function JobCard({ job }: { job: Job }) {
   const problem = useSignal("");
   const log = useSignal<LogLine[] | null>(null);
@@ -55,7 +62,13 @@ export function JobCard({ job }: { job: Job }) {
     work().catch((error: unknown) => (problem.value = words(error)));
   };
   const finished = isFinished(job);
-  const preview = job.artifacts.find(({ path }) => path === "preview.png");
+  const finishedPicture = job.artifacts.find(({ path }) => path === "preview.png");
+  const picture =
+    finishedPicture !== undefined
+      ? here(`artifacts/${finishedPicture.id}`)
+      : job.preview_ns !== null && !finished
+        ? withVersion(here(`jobs/${job.id}/preview`), job.preview_ns)
+        : null;
   const grids = job.artifacts.filter(({ path }) => path.endsWith(GRID));
   const hasObject = job.kind === "prt-transfer" && job.state === "succeeded";
   const makesCapture = job.kind === "capture-reduce" ? job.artifacts.find(({ media_type }) => media_type === "inode/directory") : undefined;
@@ -80,14 +93,15 @@ export function JobCard({ job }: { job: Job }) {
       )}
       {job.error !== null && <Wrong text={job.error} />}
       <Wrong text={problem.value} />
-      {preview !== undefined && (
+      {picture !== null && (
         <button
           type="button"
           class="picture"
           aria-label={`Preview of ${title}, larger`}
-          onClick={() => showPicture(title, here(`artifacts/${preview.id}`))}
+          title={finished ? undefined : "What there is so far"}
+          onClick={() => showPicture(title, picture)}
         >
-          <img src={here(`artifacts/${preview.id}`)} alt="" loading="lazy" />
+          <img src={picture} alt="" loading="lazy" />
         </button>
       )}
       <div class="buttons">

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 from collections.abc import AsyncIterator
 from functools import partial
@@ -20,6 +21,7 @@ from lightwell.settings import Settings
 from lightwell_server.problems import Problem, invalid_input
 from lightwell_server.routes.access import ADMIN, READ, problems
 from lightwell_server.services import Services, services
+from lightwell_workers.jobs.directory import JobDirectory
 from lightwell_workers.jobs.kind import JobError
 from lightwell_workers.jobs.kinds import KINDS
 from lightwell_workers.jobs.queue import FINISHED, Job, Queue
@@ -88,6 +90,7 @@ class JobDocument(BaseModel):
     finished: int | None
     artifacts: list[ArtifactSummary]
     error: str | None = None
+    preview_ns: int | None = Field(None, description="when GET /jobs/{id}/preview was drawn; null: there is none")
 
 
 class JobPage(BaseModel):
@@ -111,9 +114,17 @@ def _document(parts: Services, job: Job) -> JobDocument:
     mesh = document["settings"].get("mesh")
     if isinstance(mesh, str) and Path(mesh).is_relative_to(parts.uploads.root):
         document["settings"]["mesh"] = Path(mesh).relative_to(parts.uploads.root).parts[0]
+    if job.state == "running":
+        document["preview_ns"] = _drawn_ns(JobDirectory(parts.jobs.root, job.id).preview)
     for artifact in document["artifacts"]:
         artifact.pop("files", None)
     return JobDocument.model_validate(document)
+
+
+def _drawn_ns(picture: Path) -> int | None:
+    with contextlib.suppress(OSError):
+        return picture.stat().st_mtime_ns
+    return None
 
 
 @router.get("/job-kinds", dependencies=READ, responses=problems())
@@ -245,6 +256,20 @@ async def retry_job(request: Request, job: str) -> JobDocument:
     result = await parts.jobs.call(lambda queue: queue.retry(job))
     parts.jobs.executor.ensure()
     return _document(parts, result)
+
+
+@router.get("/jobs/{job}/preview", dependencies=READ, response_class=Response, responses=problems(404, 503))
+async def job_preview(request: Request, job: str) -> Response:
+    """Return a picture (PNG) of what a running job has so far; not every kind makes one, and not at once."""
+    parts = services(request)
+    found = await parts.jobs.call(lambda queue: queue.get(job))
+    try:
+        data = await asyncio.to_thread(JobDirectory(parts.jobs.root, found.id).preview.read_bytes)
+    except OSError:
+        raise Problem(
+            404, "no-preview", f"there is no picture of job {job} yet, or no longer: it is {found.state}"
+        ) from None
+    return Response(data, media_type="image/png", headers={"Cache-Control": "private, no-cache"})
 
 
 @router.get("/jobs/{job}/log", dependencies=READ, responses=problems(404, 503))

@@ -63,6 +63,8 @@ class JobDirectory:
         self.lock = self.path / "lock"
         self.cancel = self.path / "cancel"
         self.work = self.path / "work"
+        self.preview = self.work / "preview.png"
+        """A picture of what there is so far; not every kind makes one."""
         self.artifacts = self.path / "artifacts"
         self.manifest = self.path / "manifest.json"
 

@@ -12,8 +12,11 @@ from pathlib import Path
 import msgspec
 
 from lightwell.field.buckets import angular_order
+from lightwell.field.grid import Grid
+from lightwell.field.sums import FieldSums
 from lightwell.io.angular import AngularStore
 from lightwell.io.files import write_atomically
+from lightwell.io.preview import preview_png
 from lightwell.job_settings import IlfGridSettings, JobKind
 from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.ilf_finish import finish
@@ -122,12 +125,19 @@ def _resample(document: str, plan: Plan, group: list[Part], context: JobContext)
         for whole, one in zip(sums, load_sums(out, field), strict=True):
             whole.add(one)
     save_sums(_sum_path(context, last), sums)
+    if last < total:
+        _show_so_far(sums[0], context)
     for out in outs:
         out.unlink()
     # The sum before this one stays: should this checkpoint be lost, the step begins from it again.
     for old in sorted(context.work.glob("sum-*.npz"))[:-2]:
         old.unlink()
     context.progress("resample", last, total)
+
+
+def _show_so_far(sums: FieldSums, context: JobContext) -> None:
+    """Draw the light of the directions so far: it fills up while the job runs."""
+    write_atomically(context.directory.preview, preview_png(Grid(sums.spec, sums.coefficients, sums.coverage)))
 
 
 def _finish(document: str, plan: Plan, context: JobContext) -> None:
