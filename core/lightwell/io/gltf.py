@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.io.gltf_check import STRIP, TRIANGLE_MODES, TRIANGLES, GltfError
-from lightwell.io.gltf_colours import Sample, base_colours
+from lightwell.io.gltf_check import MAX_OBJECTS, STRIP, TRIANGLE_MODES, TRIANGLES, GltfError
+from lightwell.io.gltf_colours import Pictures, base_colours
 from lightwell.io.gltf_data import GltfData
 
 
@@ -27,7 +27,7 @@ class GltfObject(NamedTuple):
     """``(V, 3)`` linear, or None where the file says nothing."""
 
 
-def read_objects(document: Mapping[str, Any], data: GltfData, sample: Sample) -> Iterator[GltfObject]:
+def read_objects(document: Mapping[str, Any], data: GltfData, pictures: Pictures) -> Iterator[GltfObject]:
     """Yield the triangle meshes of the scene, mesh after mesh in the file's order and use after use in its nodes'.
 
     Raises
@@ -39,6 +39,9 @@ def read_objects(document: Mapping[str, Any], data: GltfData, sample: Sample) ->
     places = _places(document)
     uses = [(nodes[index]["mesh"], index) for index in places if "mesh" in nodes[index]]
     uses.sort(key=lambda use: use[0])
+    count = sum(len(document["meshes"][mesh]["primitives"]) for mesh, _ in uses)
+    if count > MAX_OBJECTS:
+        raise GltfError(f"has {count} objects; at most {MAX_OBJECTS} are read: join them")
     for mesh_index, node_index in uses:
         mesh, node = document["meshes"][mesh_index], nodes[node_index]
         name = str(mesh.get("name") or node.get("name") or "object")
@@ -47,7 +50,7 @@ def read_objects(document: Mapping[str, Any], data: GltfData, sample: Sample) ->
         for primitive in mesh["primitives"]:
             if primitive.get("mode", TRIANGLES) not in TRIANGLE_MODES or "POSITION" not in primitive["attributes"]:
                 continue
-            yield _object(document, data, primitive, name, weights, places, places[node_index], skin, sample)
+            yield _object(document, data, primitive, name, weights, places, places[node_index], skin, pictures)
 
 
 def _object(
@@ -59,7 +62,7 @@ def _object(
     places: Mapping[int, NDArray[np.float64]],
     place: NDArray[np.float64],
     skin: Mapping[str, Any] | None,
-    sample: Sample,
+    pictures: Pictures,
 ) -> GltfObject:
     attributes = primitive["attributes"]
     positions = data.numbers(attributes["POSITION"], 3)
@@ -70,7 +73,7 @@ def _object(
         if weight and "NORMAL" in target and normals is not None:
             normals = normals + weight * data.numbers(target["NORMAL"], 3)
     triangles = _triangles(data, primitive, len(positions))
-    colours = base_colours(document, data, primitive, len(positions), sample)
+    colours = base_colours(document, data, primitive, len(positions), pictures)
     if skin is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
         # The joints alone say where a skin is; the node that holds it does not (glTF 2.0 §3.7.3.3).
         matrices = _skinned(data, skin, attributes, places)

@@ -24,6 +24,8 @@ JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 TRIANGLES, STRIP, FAN = 4, 5, 6
 TRIANGLE_MODES = (TRIANGLES, STRIP, FAN)
 MAX_NODES = 100_000
+MAX_OBJECTS = 4096
+"""Uses of primitives: each becomes an object with files of its own."""
 
 
 class GltfError(ValueError):

@@ -15,12 +15,60 @@ GLOSSY = "KHR_materials_pbrSpecularGlossiness"
 TRANSFORM = "KHR_texture_transform"
 PICTURE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif")
 
-Sample = Callable[[Any, NDArray[np.float64]], NDArray[np.float64]]
-"""Takes a picture of Pillow's and ``uv (V, 2)``, v pointing up; returns linear colours ``(V, 3)``."""
+MAX_KEPT_PIXELS = 1 << 27
+"""Of all pictures that are kept for the next object, which is likely to use the same."""
+
+Sample = Callable[[NDArray[np.uint8], NDArray[np.float64]], NDArray[np.float64]]
+"""Takes sRGB pixels ``(H, W, 3)`` and ``uv (V, 2)``, v pointing up; returns linear colours ``(V, 3)``."""
+
+
+class Pictures:
+    """The pictures of a document; each is decoded once, however many objects wear it."""
+
+    def __init__(
+        self, document: Mapping[str, Any], data: GltfData, decode: Callable[[Any], NDArray[np.uint8]], sample: Sample
+    ) -> None:
+        """Take what makes pixels of a picture of Pillow's, and what looks colours up in them."""
+        self._document = document
+        self._data = data
+        self._decode = decode
+        self.sample = sample
+        self._kept: dict[int, NDArray[np.uint8] | None] = {}
+
+    def pixels(self, texture: Mapping[str, Any]) -> NDArray[np.uint8] | None:
+        """Return sRGB pixels ``(H, W, 3)``, or None where the picture is of a type that is not read (KTX2)."""
+        entry = self._document["textures"][texture["index"]]
+        extensions = entry.get("extensions", {})
+        sources = [extensions[name]["source"] for name in PICTURE_EXTENSIONS if name in extensions]
+        sources += [entry["source"]] if "source" in entry else []
+        for source in sources:
+            if source not in self._kept:
+                found = self._read(source)
+                total = sum(one.shape[0] * one.shape[1] for one in self._kept.values() if one is not None)
+                if found is not None and total + found.shape[0] * found.shape[1] > MAX_KEPT_PIXELS:
+                    self._kept.clear()
+                self._kept[source] = found
+            if self._kept[source] is not None:
+                return self._kept[source]
+        return None
+
+    def _read(self, source: int) -> NDArray[np.uint8] | None:
+        from PIL import Image, UnidentifiedImageError
+
+        image = self._document["images"][source]
+        if "bufferView" in image:
+            body = bytes(self._data.view(image["bufferView"]))
+        else:
+            body = self._data.bytes_of_uri(image["uri"])
+        try:
+            picture = Image.open(io.BytesIO(body))
+        except UnidentifiedImageError:
+            return None
+        return self._decode(picture)
 
 
 def base_colours(
-    document: Mapping[str, Any], data: GltfData, primitive: Mapping[str, Any], count: int, sample: Sample
+    document: Mapping[str, Any], data: GltfData, primitive: Mapping[str, Any], count: int, pictures: Pictures
 ) -> NDArray[np.float64] | None:
     """Return the linear colour of each vertex, ``(count, 3)``, or None where the file says nothing of it."""
     attributes = primitive["attributes"]
@@ -34,13 +82,13 @@ def base_colours(
             colours *= np.asarray(factor, np.float64)[:3]
             known = True
         texture = rough.get("baseColorTexture", glossy.get("diffuseTexture"))
-        found = None if texture is None else _picture(document, data, texture)
+        found = None if texture is None else pictures.pixels(texture)
         if texture is not None and found is not None:
             turn = texture.get("extensions", {}).get(TRANSFORM, {})
             name = f"TEXCOORD_{turn.get('texCoord', texture.get('texCoord', 0))}"
             if name in attributes:
                 uv = _moved(data.numbers(attributes[name], 2), turn)
-                colours *= sample(found, np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1))
+                colours *= pictures.sample(found, np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1))
                 known = True
     if "COLOR_0" in attributes:
         colours *= data.colours(attributes["COLOR_0"])
@@ -56,21 +104,3 @@ def _moved(uv: NDArray[np.float64], turn: Mapping[str, Any]) -> NDArray[np.float
     rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     scaled = uv * np.asarray(turn.get("scale", (1, 1)), np.float64)
     return np.asarray(scaled @ rotation.T + np.asarray(turn.get("offset", (0, 0)), np.float64))
-
-
-def _picture(document: Mapping[str, Any], data: GltfData, texture: Mapping[str, Any]) -> Any:  # noqa: ANN401
-    """Return a picture of Pillow's, or None where it is of a type that is not read (KTX2)."""
-    from PIL import Image, UnidentifiedImageError
-
-    entry = document["textures"][texture["index"]]
-    extensions = entry.get("extensions", {})
-    sources = [extensions[name]["source"] for name in PICTURE_EXTENSIONS if name in extensions]
-    sources += [entry["source"]] if "source" in entry else []
-    for source in sources:
-        image = document["images"][source]
-        body = bytes(data.view(image["bufferView"])) if "bufferView" in image else data.bytes_of_uri(image["uri"])
-        try:
-            return Image.open(io.BytesIO(body))
-        except UnidentifiedImageError:
-            continue
-    return None

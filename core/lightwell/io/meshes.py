@@ -14,7 +14,8 @@ from lightwell.errors import LightwellError
 from lightwell.geometry.mesh import DEFAULT_ALBEDO, Mesh, make_mesh
 from lightwell.io.files import require_file
 from lightwell.io.gltf import read_objects
-from lightwell.io.gltf_check import GltfError, check_document, parse_document, split_glb
+from lightwell.io.gltf_check import MAX_OBJECTS, GltfError, check_document, parse_document, split_glb
+from lightwell.io.gltf_colours import Pictures
 from lightwell.io.gltf_data import GltfData
 
 UpAxis = Literal["y", "z"]
@@ -108,7 +109,8 @@ def _gltf(data: bytes, name: str, up: UpAxis, folder: Path | None, max_triangles
     turn = _Z_UP if up == "y" else np.eye(3)
     meshes: list[Mesh] = []
     taken: set[str] = set()
-    for one in read_objects(document, GltfData(document, binary, _Beside(folder, name).get), _sampled):
+    data_of = GltfData(document, binary, _Beside(folder, name).get)
+    for one in read_objects(document, data_of, Pictures(document, data_of, _pixels, _sampled)):
         if len(one.positions) == 0:
             continue
         normals = None if one.normals is None else one.normals @ turn.T
@@ -191,6 +193,12 @@ def _by_trimesh(data: bytes, name: str, up: UpAxis, folder: Path | None, max_tri
     suffix, stem = PurePosixPath(name).suffix.lower(), PurePosixPath(name).stem
     if suffix == ".ply":
         _check_ply(data, max_triangles)
+        head, end, body = data.partition(b"end_header")
+        data = head.decode("ascii", "replace").encode("ascii", "replace") + end + body
+    else:
+        # Comments and names of old programs are in whatever their machine wrote; trimesh wants UTF-8.
+        data = data.decode("utf-8", "replace").encode()
+        _check_obj(data)
     resolver: Any = _Beside(folder, name)
     options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" else {}
     scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=resolver, process=False, **options)
@@ -216,6 +224,22 @@ def _by_trimesh(data: bytes, name: str, up: UpAxis, folder: Path | None, max_tri
         triangles = np.asarray(geometry.faces, np.int64)
         meshes.append(_mesh(name, _unique(str(key), taken), positions, triangles, normals, _albedo(geometry)))
     return meshes
+
+
+def _check_obj(data: bytes) -> None:
+    """Raise `GltfError` where an OBJ file has so many objects and materials that reading it would take for ever."""
+    pairs: set[tuple[bytes, bytes]] = set()
+    title = material = b""
+    for line in data.splitlines():
+        if line.startswith(b"o "):
+            title = line
+        elif line.startswith(b"usemtl "):
+            material = line
+        else:
+            continue
+        pairs.add((title, material))
+        if len(pairs) > MAX_OBJECTS:
+            raise GltfError(f"has more than {MAX_OBJECTS} objects and materials; join them")
 
 
 def _obj_objects(data: bytes) -> dict[str, int]:
@@ -250,7 +274,7 @@ def _albedo(geometry: Any) -> NDArray[np.float64]:  # noqa: ANN401
             albedo *= _fractions(material.diffuse)[:3]
             known = True
         if material.image is not None and visual.uv is not None and len(visual.uv) == count:
-            albedo *= _sampled(material.image, np.asarray(visual.uv, np.float64))
+            albedo *= _sampled(_pixels(material.image), np.asarray(visual.uv, np.float64))
             known = True
     colours = _vertex_colours(geometry)
     if colours is not None and len(colours) == count:
@@ -285,14 +309,17 @@ def _linear(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def _sampled(picture: Any, uv: NDArray[np.float64]) -> NDArray[np.float64]:  # noqa: ANN401
-    """Return a picture's linear colour at each vertex, ``(V, 3)``; it repeats outside 0 … 1, v points up."""
-    if not hasattr(picture, "convert"):
-        return np.ones((len(uv), 3))
+def _pixels(picture: Any) -> NDArray[np.uint8]:  # noqa: ANN401
+    """Return the sRGB pixels of a picture of Pillow's, ``(H, W, 3)``."""
     width, height = picture.size
     if width * height > MAX_TEXTURE_PIXELS:
         raise GltfError(f"has a picture of {width}×{height}; at most {MAX_TEXTURE_PIXELS} pixels are read: shrink it")
-    pixels = np.asarray(picture.convert("RGB"))
+    return np.asarray(picture.convert("RGB"))
+
+
+def _sampled(pixels: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a picture's linear colour at each vertex, ``(V, 3)``; it repeats outside 0 … 1, v points up."""
+    height, width = pixels.shape[:2]
     wrapped = np.nan_to_num(uv, posinf=0, neginf=0) % 1.0
     columns = np.minimum((wrapped[:, 0] * width).astype(np.int64), width - 1)
     rows = np.minimum(((1 - wrapped[:, 1]) % 1.0 * height).astype(np.int64), height - 1)

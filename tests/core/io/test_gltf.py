@@ -189,6 +189,29 @@ def test_pictures_by_another_set_of_coordinates_and_turned(where: str) -> None:
     np.testing.assert_allclose(found.albedo, [[0, 0, 1], [1, 0, 0], [1, 1, 1]], atol=1e-6)
 
 
+def test_a_picture_is_decoded_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many objects wear it: an atlas is large."""
+    stream = io.BytesIO()
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(stream, "PNG")
+    file = File(textures=[{"source": 0}], materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])
+    file.document["images"] = [{"bufferView": file.view(stream.getvalue())}]
+    attributes = {"POSITION": file.add(CORNERS), "TEXCOORD_0": file.add([[0, 0], [1, 0], [0, 1]])}
+    file.mesh({"attributes": attributes, "material": 0})
+    file.document["nodes"] = [{"mesh": 0} for _ in range(50)]
+    file.document["scenes"] = [{"nodes": list(range(50))}]
+    opened: list[Any] = []
+    real = Image.open
+
+    def open_and_count(body: Any) -> Image.Image:
+        opened.append(body)
+        return real(body)
+
+    monkeypatch.setattr(Image, "open", open_and_count)
+    found = read_meshes(file.glb(), "t.glb")
+    assert (len(found), len(opened)) == (50, 1)
+    np.testing.assert_array_equal(found[49].albedo, np.tile([1, 0, 0], (3, 1)))
+
+
 def test_a_skin_is_where_its_joints_are() -> None:
     """The node of the mesh does not count; half of one joint and half of another is the mean of both."""
     file = File()
@@ -264,6 +287,11 @@ def many_vertices(file: File) -> None:
     file.document["scenes"] = [{"nodes": list(range(1000))}]
 
 
+def many_objects(file: File) -> None:
+    file.document["nodes"] = [{"mesh": 0} for _ in range(5000)]
+    file.document["scenes"] = [{"nodes": list(range(5000))}]
+
+
 def wrong_type(file: File) -> None:
     file.document["accessors"][0] |= {"type": "VEC2"}
 
@@ -293,6 +321,7 @@ def not_finite(file: File) -> None:
         (short_buffer, "cut short"),
         (circle, "in a circle"),
         (many_vertices, r"shows 10000000000 vertices; at most 15000000"),
+        (many_objects, "has 5000 objects; at most 4096 are read: join them"),
         (wrong_type, "accessor 0 has 2 components where 3 are due"),
         (unknown_extension, "requires the extension 'EXT_tomorrow'"),
         (draco, "uses Draco compression"),

@@ -160,6 +160,23 @@ def test_an_obj_keeps_its_objects_apart_and_in_order() -> None:
     np.testing.assert_allclose(found[1].positions, [[0, 0, 0], [1, 0, 1], [0, 0, 1]])
 
 
+def test_comments_need_not_be_utf8() -> None:
+    obj = b"# cr\xe9\xe9 par 3ds Max\n" + SQUARE.encode() + b"o caf\xe9\nf 1/1 2/1 3/1\n"
+    (found,) = read_meshes(obj, "t.obj")
+    assert (found.name, len(found.triangles)) == ("caf\ufffd", 1)
+    triangle = trimesh.Trimesh(CORNERS, [[0, 1, 2]], process=False).export(file_type="ply")
+    assert isinstance(triangle, bytes)
+    old = triangle.replace(b"element vertex", b"comment cr\xe9\xe9\nelement vertex")
+    assert old != triangle
+    np.testing.assert_allclose(read_meshes(old, "t.ply")[0].positions[2], [0, 0, 1])
+
+
+def test_an_obj_with_too_many_objects_is_refused_at_once() -> None:
+    text = SQUARE + "".join(f"usemtl m{number}\nf 1/1 2/1 3/1\n" for number in range(5000))
+    with pytest.raises(MeshError, match=r"t\.obj: has more than 4096 objects and materials; join them"):
+        read_meshes(text.encode(), "t.obj")
+
+
 @pytest.mark.parametrize(("kind", "value"), [("uchar", 188), ("ushort", 48316), ("float", 0.7373)])
 def test_a_ply_has_colours_of_any_width(kind: str, value: float) -> None:
     properties = "".join(f"property {kind} {channel}\n" for channel in ("red", "green", "blue"))
