@@ -17,7 +17,7 @@ import { DEFAULT_VIEW, type View } from "./view.ts";
 
 const WIDTH = 512;
 const HEIGHT = 384;
-const ROUNDS = 9;
+const ROUNDS = 5;
 const CELLS = 64;
 const HALF_OF_ONE = 0x3800; // 0.5 as a half
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 from tests.browser.conftest import OpenPage
-from tests.browser.pictures import Picture
+from tests.browser.pictures import Picture, see
 from tests.browser.publisher import Publisher, distant_light
 from tests.browser.results import put_adaptive, put_grid
 from tests.browser.server import ServerProcess
-from tests.browser.test_render import FULL_SCALE, GRID_BARE, GRID_CAMERA, SIZE, compare, in_grid
+from tests.browser.test_render import FULL_SCALE, GRID_BARE, GRID_CAMERA, SIZE, compare, in_grid, keep
 from tests.support.reference_pictures import encode_as_page, page_scene
 
 from lightwell.field.adapt import adapt
@@ -164,6 +164,7 @@ def test_a_user_adds_a_light_group_and_sees_what_each_lamp_does(
     gains = [[float(value) for value in seen[name].split()] for name in (warm_name, cold_name)]
     np.testing.assert_allclose(gains, [[0.5] * 3, [2.0] * 3], rtol=0.01)
     assert re.match(r"0\.\d %, left out", seen["Unexplained"])
+    keep(see(page), "groups-panel")
     # A lamp that no grid knows: neither of them is turned up for it.
     room.coefficients = room.coefficients + 0.5 * distant_light((0.1, 1.0, -0.4))
     expect(page.get_by_test_id("modulation")).to_contain_text("one gain for all")
