@@ -74,6 +74,10 @@ class IlfGridSettings(Settings):
         description="gradient of the coefficients in space: none, central differences of the grid, or local-linear"
         " kernel regression of the samples (half the error, three times the work)",
     )
+    gradient_projection: bool = Field(
+        False,
+        description="take off what no light in empty space does from the gradients: less noise where they have some",
+    )
     precision: Literal["float32", "float16"] = Field("float32", description="type of the stored coefficients")
     adaptive_tolerance: float | None = Field(
         None,
@@ -111,6 +115,8 @@ class IlfGridSettings(Settings):
         if self.gradients == "regression" and self.repair in ("mipmap", "none"):
             words = f"regression needs the repair pull-push or bilateral, not {self.repair}"
             raise PydanticCustomError("gradients", words)
+        if self.gradient_projection and self.gradients == "none":
+            raise PydanticCustomError("gradient_projection", "needs gradients: central or regression")
         return self
 
     @field_validator("bounds")

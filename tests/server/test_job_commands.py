@@ -93,6 +93,13 @@ def test_from_simulation_to_sample(tmp_path: Path) -> None:
     assert local["points"][0]["coefficients"] == remote["points"][0]["coefficients"]
     summary = json.loads(_run("grid", "info", grid, "--json", "--plot", str(tmp_path / "grid.png")))
     assert summary["resolution"] == [4, 4, 4]
+    places, picture = tmp_path / "places.csv", tmp_path / "places.png"
+    wanted = ("--tolerance", "0.3", "--most", "12", "--out", str(places), "--plot", str(picture))
+    placed = json.loads(_run("grid", "place", grid, *wanted, "--json"))
+    assert len(placed["positions_m"]) == placed["ways"][0]["samples"] == len(places.read_text().splitlines()) - 1
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert "placed, with gradients" in _run("grid", "place", grid, "--tolerance", "0.5", "--most", "4")
+    assert "must end in .csv or .json" in _run("grid", "place", grid, "--out", "places.txt", ok=False)
     for kind in ("npz", "three", "ktx2"):
         for path in _run("grid", "export", grid, str(tmp_path / f"out.{kind}"), "--format", kind).split():
             assert Path(path).stat().st_size > 0

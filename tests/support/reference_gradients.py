@@ -5,6 +5,7 @@ The quad is the one that the figures of docs/gradients.md are of: at 1.2 m, tilt
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -143,3 +144,66 @@ def edge_sum(image: Floats, inverse: Floats, bands: int, seen: NDArray[np.bool_]
     )
     basis = evaluate(_directions(between, phi), bands)
     return np.asarray(out + np.einsum("ijn,ijc,ij,ijk->nck", basis, down, weight, tangent, optimize=True))
+
+
+AWAY = {0.04: (0.082, 0.006), 0.08: (0.160, 0.022), 0.17: (0.330, 0.091), 0.25: (0.480, 0.201), 0.42: (0.82, 0.57)}
+"""Steps as shares of the mean distance: relative errors without and with the gradient (MATHS §7.4)."""
+BETWEEN = {
+    0.3: {"trilinear": 0.0767, "full": 0.0744, "half": 0.0054, "Shepard": 0.108, "Shepard, full": 0.091},
+    0.15: {"trilinear": 0.0196, "full": 0.0195, "half": 0.00066, "Shepard": 0.042, "Shepard, full": 0.023},
+}
+"""Sizes of a cell in metres: relative errors within it (MATHS §7.8)."""
+
+
+def _rms(values: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def moving_away(quad: Quad, bands: int = 5) -> list[tuple[float, float, float, tuple[float, float]]]:
+    """Return ``(share, error without, error with gradient, MATHS's)``: rms over 26 directions, relative to c."""
+    points, normals, areas, light = quad.pieces()
+    r = np.linalg.norm(points, axis=1)
+    seen = -areas * np.sum(normals * points, axis=1) / r**3 * light[:, 1]
+    mean_distance = float(seen.sum() / (seen / r).sum())
+    c, gradients = quad.derived(np.zeros(3), bands)
+    ways = np.array([way for way in itertools.product((-1.0, 0, 1), repeat=3) if any(way)])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    rows = []
+    for share, given in AWAY.items():
+        without, with_gradient = [], []
+        for step in share * mean_distance * ways:
+            change = quad.derived(step, bands).coefficients - c
+            without.append(float(np.linalg.norm(change) / np.linalg.norm(c)))
+            with_gradient.append(float(np.linalg.norm(change - gradients @ step) / np.linalg.norm(c)))
+        rows.append((share, _rms(without), _rms(with_gradient), given))
+    return rows
+
+
+def between_samples(quad: Quad, bands: int = 5) -> list[tuple[float, str, float, float]]:
+    """Return ``(cell size, way, error, MATHS's)``: rms over 100 points in a cell round the origin, relative to c."""
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
+    places = np.random.default_rng(0).uniform(size=(100, 3))
+    rows = []
+    for size, given in BETWEEN.items():
+        positions = (corners - 0.5) * size
+        samples = [quad.derived(position, bands) for position in positions]
+        c, slopes = np.array([one.coefficients for one in samples]), np.array([one.gradients for one in samples])
+        errors: dict[str, list[float]] = {way: [] for way in given}
+        for place in places:
+            point = (place - 0.5) * size
+            truth = quad.derived(point, bands).coefficients
+            steps = np.einsum("nick,nk->nic", slopes, point - positions)
+            linear = np.prod(np.where(corners > 0, place, 1 - place), axis=1)
+            shepard = 1 / np.sum((point - positions) ** 2, axis=1)
+            shepard /= shepard.sum()
+            found = {
+                "trilinear": np.tensordot(linear, c, 1),
+                "full": np.tensordot(linear, c + steps, 1),
+                "half": np.tensordot(linear, c + 0.5 * steps, 1),
+                "Shepard": np.tensordot(shepard, c, 1),
+                "Shepard, full": np.tensordot(shepard, c + steps, 1),
+            }
+            for way, light in found.items():
+                errors[way].append(float(np.linalg.norm(light - truth) / np.linalg.norm(truth)))
+        rows += [(size, way, _rms(errors[way]), given[way]) for way in given]
+    return rows

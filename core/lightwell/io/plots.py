@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from lightwell.field.adaptive import AnyGrid
+from lightwell.field.spec import GridSpec
 from lightwell.io.preview import irradiance_slice
 
 NAMES = "xyz"
@@ -56,4 +59,30 @@ def plot_positions(positions: NDArray[np.float64]) -> bytes:
         place.set_ylabel(f"{NAMES[upwards]}, m")
         place.set_aspect("equal")
     figure.suptitle(f"{len(positions)} probes")
+    return _png(figure)
+
+
+def plot_placement(
+    positions: NDArray[np.float64], spec: GridSpec, histories: Mapping[str, Sequence[float]], tolerance: float
+) -> bytes:
+    """Return a PNG of sample positions ``(n, 3)`` in a grid's box, and of the error with 1, 2, … samples."""
+    figure = Figure(figsize=(14, 4), layout="constrained")
+    *views, curve = figure.subplots(1, 4)
+    for place, (right, upwards, deep) in zip(views, ((0, 1, 2), (0, 2, 1), (1, 2, 0)), strict=True):
+        low, high = (spec.lower[right], spec.lower[upwards]), (spec.upper[right], spec.upper[upwards])
+        place.add_patch(Rectangle(low, high[0] - low[0], high[1] - low[1], fill=False, edgecolor="0.6"))
+        place.scatter(positions[:, right], positions[:, upwards], s=24, c=positions[:, deep], cmap="viridis")
+        place.set_xlabel(f"{NAMES[right]}, m")
+        place.set_ylabel(f"{NAMES[upwards]}, m (colour: {NAMES[deep]})")
+        place.set_aspect("equal")
+        place.autoscale_view()
+    for way, errors in histories.items():
+        curve.plot(np.arange(1, len(errors) + 1), errors, label=way)
+    curve.axhline(tolerance, color="0.6", linewidth=1)
+    curve.set_xscale("log")
+    curve.set_yscale("log")
+    curve.set_xlabel("samples")
+    curve.set_ylabel("largest error")
+    curve.legend()
+    figure.suptitle(f"{len(positions)} samples with gradients for a tolerance of {tolerance:g}")
     return _png(figure)

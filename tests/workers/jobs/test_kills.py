@@ -31,6 +31,7 @@ def _settings(capture: Path, index: int) -> dict[str, Any]:
         "resolutions": 20 + index,
         "memory_mb": 64,
         "gradients": "regression" if index == 1 else "central",
+        "gradient_projection": index == 0,
         "adaptive_tolerance": 0.1 if index == 2 else None,
         "checkpoint_seconds": 0.2,
     }

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lightwell.conventions import degree_of_index
-from lightwell.field.gradient import central_differences
+from lightwell.field.gradient import central_differences, project_in_place
 from lightwell.field.grid import Grid
 from lightwell.field.spec import Floats
 from lightwell.field.sums import FieldSums
@@ -65,14 +65,16 @@ def _make_grid(field: Field, sums: FieldSums, context: JobContext) -> tuple[Grid
     }
     if settings.compare and field.capture.info.scene is not None:
         report["error_relative"] = relative_error(field, sums.spec, sums.coefficients)
+    gradients = sums.gradients
+    if settings.gradients == "central":
+        gradients = central_differences(coefficients, sums.spec.voxel)
+    if gradients is not None and settings.gradient_projection:
+        # Before the window: it is unwindowed light that obeys.
+        report["gradients_forbidden_share"] = project_in_place(gradients)
     weights = _window(field, coefficients)
     factors = weights[degree_of_index(settings.bands)][:, None].astype(np.float32)
     coefficients *= factors
-    gradients = None
-    if settings.gradients == "central":
-        gradients = central_differences(coefficients, sums.spec.voxel)
-    elif sums.gradients is not None:
-        gradients = sums.gradients
+    if gradients is not None:
         gradients *= factors[:, None]
     if gradients is not None and settings.compare and field.capture.info.scene is not None:
         report["gradients_error_relative"] = relative_gradient_error(field, sums.spec, gradients, weights)
