@@ -199,9 +199,8 @@ class AsyncField(Follower):
 
     def _note(self, members: list[FieldMember]) -> None:
         self.members = members
-        for member in members:
-            if member.problem:
-                self._frames.pop(member.stream, None)
+        giving = {member.stream for member in members if not member.problem}
+        self._frames = {name: frame for name, frame in self._frames.items() if name in giving}
         self._changed()
         self._tell(self._on_members, members)
 

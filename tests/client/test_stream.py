@@ -56,6 +56,13 @@ async def test_frames_come_in_the_form_that_was_asked_for(server: str) -> None:
                 worker.publish()
                 changed = await light.next(10)
             assert changed.convention == "unity"
+            await asyncio.to_thread(worker.publish, gradients=bytes(9 * 9 * 4), position=(1.0, 2.0, 3.0))
+            await light.change(gradients=True)  # the newest frame comes again, with what was missing
+            while changed.gradients is None:
+                changed = await light.next(10)
+            assert changed.gradients.shape == (1, 3, 3)
+            assert changed.position is not None
+            assert changed.position.tolist() == [1, 3, 2]  # Unity's axes
 
 
 async def test_the_frame_that_was_there_before_is_marked(server: str) -> None:

@@ -91,6 +91,11 @@ MISTAKES = [
         "[streams.hall]\nsource = 'exr:x'\n[streams.hall.filter]\nkind = 'median'",
         "FILE: streams.hall.filter.kind = 'median': must be 'none', 'alpha', 'tau', 'one-euro' or 'kalman'",
     ),
+    (
+        "[streams.hall]\nsource = 'exr:x'\n[streams.hall.gradients]\nproxy = 'sphere'",
+        "FILE: streams.hall.gradients proxy = 'sphere' needs radius_m",
+    ),
+    ("[fields.stage]\nstreams = ['a', 'a']", "FILE: fields.stage.streams names 'a' twice: name each stream once"),
     ("[server", "FILE: is not valid TOML: "),
     ("x = \xff", "FILE: is not valid TOML: "),
 ]

@@ -73,8 +73,7 @@ class Stage:
     def shine(self, api: httpx.Client) -> None:
         shine(self.left, position=LEFT, trust_radius_m=0.2)
         shine(self.right, position=RIGHT)
-        for name in self.names:
-            wait_until(lambda name=name: api.get(f"/streams/{name}/latest").status_code == 200)
+        wait_until(lambda: all(api.get(f"/streams/{name}/latest").status_code == 200 for name in self.names))
 
 
 @pytest.fixture

@@ -245,6 +245,22 @@ def test_a_change_is_answered_with_the_newest_frame_in_the_new_form(hub: Hub, ch
     assert subscriber.subscription.wishes.max_fps == 1
 
 
+def test_gradients_go_to_those_who_ask(hub: Hub, channel: Channel) -> None:
+    gradients = bytes(9 * 9 * 4)
+    channel.publish_frame(make_frame(0, gradients=gradients, position=(1.0, 2.0, 3.0), trust_radius_m=0.5), 0)
+    subscriber = Subscriber(hub, channel)
+    hello = subscriber.take()
+    assert isinstance(hello, Hello)
+    assert hello.latest is not None
+    assert hello.stream.gradients
+    assert (hello.latest.gradients, hello.latest.position, hello.latest.trust_radius_m) == (None, (1, 2, 3), 0.5)
+    for wishes, length in ((Subscribe(gradients=True), 9), (Subscribe(bands=2), 4), (Subscribe(gradients=False), None)):
+        subscriber.subscription.change(wishes, 0)
+        (frame,) = subscriber.take_all()
+        assert isinstance(frame, Frame)
+        assert frame.gradients == (None if length is None else bytes(length * 9 * 4))
+
+
 def test_the_newer_publisher_wins_and_the_older_leaves_no_trace(channel: Channel) -> None:
     told: list[tuple[int, str]] = []
     older, newer = make_publisher("old"), make_publisher("new")

@@ -133,7 +133,10 @@ def test_max_fps_thins_without_counting(shared_server: str, worker: Publisher) -
         ("max_fps=nan", "max_fps=nan: must be above 0, at most 1000"),
         ("backdrop=maybe", "backdrop=maybe: must be 1 or 0"),
         ("convention=maya", "convention=maya: must be one of lightwell, three"),
-        ("band=3", "band is no parameter of this socket; there are: bands, max_fps, convention, backdrop, gradients, token"),
+        (
+            "band=3",
+            "band is no parameter of this socket; there are: bands, max_fps, convention, backdrop, gradients, token",
+        ),
     ],
 )
 def test_a_wrong_parameter_is_refused_with_a_reason(

@@ -232,6 +232,17 @@ def test_a_proxy_in_the_world_needs_the_probes_place() -> None:
     assert Finisher("s", "x").finish(told).position == AT
 
 
+def test_a_place_that_is_corrected_is_no_movement() -> None:
+    one, two = (dataclasses.replace(frame, position_m=None) for frame in frames("frames=2"))
+    finisher = Finisher("s", "x")
+    slow = {"kind": "tau", "tau_seconds": 10.0}
+    finisher.finish(reduce_frame(one, settings(position_m=AT, filter=slow)))
+    corrected = reduce_frame(two, settings(position_m=(0.35, -0.2, 0.4), filter=slow))
+    message = finisher.finish(corrected)
+    assert message.quality.cut
+    np.testing.assert_allclose(unpack_coefficients(message.coefficients), corrected.coefficients, rtol=1e-5, atol=1e-6)
+
+
 def test_a_probe_that_leaves_its_box_keeps_its_light() -> None:
     inside, outside = frames("frames=2&fps=1&at=0,0,0&to=1,0,0&travel=1")
     small = settings(gradients={"proxy": "box", "box_lower_m": (-0.5,) * 3, "box_upper_m": (0.5,) * 3})

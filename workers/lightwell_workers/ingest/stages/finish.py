@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lightwell import wire
 from lightwell.conventions import degree_of_index
 from lightwell.errors import FrameError
-from lightwell.settings import FilterSettings, WindowSettings
+from lightwell.settings import WindowSettings
 from lightwell.sh.dominant import split_dominant
 from lightwell.sh.temporal import Place, TemporalFilter, make_filter
 from lightwell.sh.window import WindowStage
@@ -32,7 +32,7 @@ class Finisher:
         self._window: WindowStage | None = None
         self._window_key: tuple[int, WindowSettings] | None = None
         self._filter: TemporalFilter | None = None
-        self._filter_key: tuple[int, FilterSettings] | None = None
+        self._filter_key: tuple[object, ...] = ()
 
     def finish(self, reduced: Reduced) -> wire.Frame:
         """Return the message for the next frame; ``seq`` and ``publish_time_ns`` are the publisher's to set.
@@ -85,9 +85,11 @@ class Finisher:
         if self._window is None or self._window_key != (settings.bands, settings.window):
             self._window = WindowStage(settings.window, settings.bands)
             self._window_key = (settings.bands, settings.window)
-        if self._filter is None or self._filter_key != (settings.bands, settings.filter):
+        # A place that is corrected in the settings is no movement that the filter could follow.
+        filter_key = (settings.bands, settings.filter, settings.position_m)
+        if self._filter is None or self._filter_key != filter_key:
             self._filter = make_filter(settings.filter)
-            self._filter_key = (settings.bands, settings.filter)
+            self._filter_key = filter_key
         return self._window, self._filter
 
 
