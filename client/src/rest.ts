@@ -228,8 +228,11 @@ export interface PointSample {
   coverage: number;
 }
 
+/** On a new installation the server's first sample compiles a kernel. */
+const SAMPLE_TIMEOUT_MS = 60_000;
+
 export async function sampleGrid(id: string, at: readonly number[]): Promise<PointSample> {
-  const { points } = await ask<{ points: PointSample[] }>(`grids/${id}/sample?at=${at.join(",")}`);
+  const { points } = await ask<{ points: PointSample[] }>(`grids/${id}/sample?at=${at.join(",")}`, { timeoutMs: SAMPLE_TIMEOUT_MS });
   return points[0]!;
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import time
 from pathlib import Path
@@ -145,10 +146,13 @@ def test_a_transfer_is_cancelled_from_its_line(open_page: OpenPage, room: Publis
     expect(row).to_contain_text("trace", timeout=JOB_MS)
     started = time.monotonic()
     row.get_by_role("button", name="Cancel").click()
-    expect(row).to_contain_text("cancelled")
+    expect(row).to_contain_text("cancelled", timeout=60_000)
     seconds = time.monotonic() - started
-    (ARTEFACTS / "cancel-transfer.txt").write_text(f"a running transfer was cancelled after {seconds:.2f} s\n")
-    assert seconds < 6  # two on a quiet machine, see the file; tests run beside much else
+    load = os.getloadavg()[0] / (os.cpu_count() or 1)
+    (ARTEFACTS / "cancel-transfer.txt").write_text(
+        f"a running transfer was cancelled after {seconds:.2f} s, load {load:.1f} a core\n"
+    )
+    assert seconds < 1 + 2 * max(1, load)  # two seconds on a machine that does nothing else
     row.get_by_role("button", name="Job").click()
     expect(page.get_by_test_id("job").first).to_have_attribute("data-state", "cancelled")
 
@@ -274,7 +278,8 @@ def test_a_grid_from_a_capture_to_the_picture(
     grid.get_by_role("radio", name="down").check(force=True)
     expect(grid.locator("img")).to_have_attribute("src", re.compile("normal=0,0,-1"))
     grid.get_by_role("button", name="Sample at").click()
-    expect(page.get_by_test_id("sample")).to_contain_text("of the sphere")
+    # The server's first sample compiles a kernel.
+    expect(page.get_by_test_id("sample")).to_contain_text("of the sphere", timeout=60_000)
     expect(grid).to_contain_text("lightwell grid export")
     keep(page, "grids")
     grid.get_by_role("button", name="Slices with axes").click()
@@ -295,8 +300,9 @@ def test_a_job_is_cancelled_tried_again_and_deleted(open_page: OpenPage, room: P
     register(page, "captures/slow")
     page.get_by_test_id("capture").filter(has_text="slow").get_by_role("button", name="Make a grid…").click()
     form = page.get_by_role("form", name="New job")
-    form.get_by_label("Resolutions").fill("48")
-    form.get_by_role("button", name="What will it take?").click()
+    form.get_by_label("Resolutions").fill("64")
+    form.get_by_text("More settings").click()
+    form.get_by_label("Checkpoint (s)").fill("0.5")
     form.get_by_role("button", name="Submit").click()
     job = page.get_by_test_id("job").first
     expect(job).to_have_attribute("data-state", "running", timeout=JOB_MS)
