@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import DTypeLike, NDArray
 
 from lightwell.errors import FrameError
-from lightwell.io.exr import COMPRESSIONS, MAX_PIXELS, read_rgb, write_rgb
+from lightwell.io.exr import COMPRESSIONS, MAX_PIXELS, read_depth, read_rgb, write_rgb
 
 LOSSY = {"b44", "b44a", "dwaa", "dwab", "lj2k", "pxr24"}
 
@@ -97,6 +97,27 @@ def test_first_part_with_colour_counts(tmp_path: Path, pixels: NDArray[Any]) -> 
     assert picture.attributes["name"] == "beauty"
     path.write_bytes(path.read_bytes()[:-400])
     assert np.array_equal(read_rgb(path).pixels, pixels), "damage in a part that is not read does not matter"
+
+
+def test_depth_of_any_name_part_and_layer(tmp_path: Path, pixels: NDArray[Any]) -> None:
+    path = tmp_path / "a.exr"
+    metres = np.ascontiguousarray(pixels[..., 0], dtype=np.float32)
+    planes = {name: np.ascontiguousarray(pixels[..., 1]) for name in "RGB"}
+    for name in ("Z", "depth", "left.Z", "scan.Depth", "V"):
+        write_channels(path, {name: metres, **planes})
+        depth = read_depth(path)
+        assert depth.dtype == np.float32
+        assert np.array_equal(depth, metres), name
+    write_rgb(path, np.repeat(metres[..., None], 3, axis=-1))
+    assert np.array_equal(read_depth(path), metres)
+    parts = [OpenEXR.Part({"name": "beauty"}, {"RGB": pixels}), OpenEXR.Part({"name": "far"}, {"Z": metres})]
+    OpenEXR.File(parts).write(str(path))
+    assert np.array_equal(read_depth(path), metres)
+    write_channels(path, {"id": metres})
+    with pytest.raises(FrameError, match=r"a\.exr: has no depth: its channels are id, one of Z, depth"):
+        read_depth(path)
+    with pytest.raises(FrameError, match="does not exist"):
+        read_depth(tmp_path / "b.exr")
 
 
 def test_tiles(tmp_path: Path, pixels: NDArray[Any]) -> None:
