@@ -17,7 +17,8 @@ interface Vector {
 }
 
 const folder = new URL("../../tests/vectors/", import.meta.url);
-const files = readdirSync(folder).filter((file) => file.endsWith(".json"));
+// Those of gradients are for Python clients: the page has none of its own yet.
+const files = readdirSync(folder).filter((file) => file.endsWith(".json") && file !== "gradients.json");
 
 describe("conformance vectors", () => {
   it("are there", () => expect(files.length).toBeGreaterThanOrEqual(5));
