@@ -6,7 +6,7 @@ import re
 from typing import Literal
 
 import pytest
-from playwright.sync_api import Page, Request, ViewportSize, expect
+from playwright.sync_api import Page, ViewportSize, expect
 from tests.browser.conftest import OpenPage
 from tests.browser.files import ARTEFACTS, keep
 from tests.browser.pictures import ball, left_minus_right, see_until
@@ -268,22 +268,13 @@ def test_the_theme_is_the_systems(open_page: OpenPage, room: Publisher, scheme: 
     assert page.evaluate("getComputedStyle(document.documentElement).colorScheme") == scheme
 
 
-def test_the_token_goes_along_with_every_request(
-    open_page: OpenPage, room: Publisher, server: ServerProcess, console: list[str]
-) -> None:
-    page = open_page(path="/favicon.svg", size=SIZE)
-    asked: list[str] = []
-
-    def note(request: Request) -> None:
-        if "/api/" in request.url:
-            asked.append(request.url)
-
-    page.on("request", note)
-    page.goto(f"{page.url.removesuffix('/favicon.svg')}/?token=wrong%2Btoken#tab=jobs")
-    expect(page.get_by_role("alert").first).to_contain_text("token")
+def test_the_token_goes_along_with_every_request(open_page: OpenPage, room: Publisher, console: list[str]) -> None:
+    page = open_page("#tab=jobs", path="/?token=wrong%2Btoken", size=SIZE)
+    expect(page.get_by_role("alert").first).to_contain_text("token", timeout=60_000)
     for name in TABS:
         tab(page, name)
         listed(page)
+    asked = page.evaluate("performance.getEntriesByType('resource').map(e => e.name).filter(n => n.includes('/api/'))")
     assert len(asked) > 5
     assert all("token=wrong%2Btoken" in url for url in asked), asked
     assert all("401" in line or "WebSocket" in line for line in console), console
