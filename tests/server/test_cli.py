@@ -164,7 +164,7 @@ def test_demo_runs_the_whole_system(tmp_path: Path) -> None:
     assert (job["kind"], job["state"]) == ("ilf-grid", "succeeded")
     assert 0 < job["error_relative"] < 0.2
     streams = {stream["name"]: stream for stream in summary["streams"]}
-    assert set(streams) == {"sunset-walk", "mirror-sphere", "room"}
+    assert set(streams) == {"sunset-walk", "mirror-sphere", "room", "room-side"}
     for stream in streams.values():
         assert stream["frames"] >= 2
         assert stream["fps"] > 0

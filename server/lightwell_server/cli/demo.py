@@ -74,7 +74,7 @@ def demo(
     data: Path | None = typer.Option(None, help="Folder for the samples and the server's data (default: data)."),
     bare: bool = typer.Option(False, "--bare", hidden=True, help="Leave the sample job to who started this."),
 ) -> None:
-    """Serve sample streams (two recorded sequences and a synthetic room) and make a grid of a sample capture."""
+    """Serve sample streams (two recordings, two probes in a synthetic room) and make a grid of a sample capture."""
     if once:
         summary = _run_once(0 if port is None else port, data)
         _print_summary(summary, as_json=json)
@@ -86,14 +86,14 @@ def _serve(port: int | None, data: Path | None, *, watch_job: bool) -> None:
     from lightwell_server.config import load_config
     from lightwell_server.runner import Server
     from lightwell_workers.ingest.log import configure_logging
-    from lightwell_workers.ingest.samples import make_samples
+    from lightwell_workers.ingest.samples import FIELDS, make_samples
 
     config = load_config(None, {"port": port, "data_dir": data})
     configure_logging(log_format=config.log.format, level=config.log.level)
     with _progress() as report:
         samples = make_samples(config.server.data_dir / "samples", report)
         make_sample_capture(config.server.data_dir, report)
-    server = Server(config.model_copy(update={"streams": samples | config.streams}))
+    server = Server(config.model_copy(update={"streams": samples | config.streams, "fields": FIELDS | config.fields}))
     print(f"Lightwell serves {server.url} (streams: {', '.join(samples)})", flush=True)
     if watch_job:
         threading.Thread(target=_show_sample_job, args=(server.url, config), name="sample job", daemon=True).start()

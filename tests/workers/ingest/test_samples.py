@@ -28,7 +28,7 @@ def test_recordings_appear_once_and_are_the_same_again(tmp_path: Path, monkeypat
     monkeypatch.setattr(samples, "FRAMES", 6)
     progress: list[tuple[str, int, int]] = []
     streams = make_samples(tmp_path / "a", lambda *step: progress.append(step))
-    assert list(streams) == ["sunset-walk", "mirror-sphere", "room"]
+    assert list(streams) == ["sunset-walk", "mirror-sphere", "room", "room-side"]
     assert progress[5] == ("sunset-walk", 6, 6)
     assert progress[-1] == ("mirror-sphere", 6, 6)
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["mirror-sphere-v1", "sunset-walk-v1"]

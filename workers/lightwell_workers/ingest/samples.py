@@ -26,7 +26,8 @@ from lightwell.errors import LightwellError
 from lightwell.io.exr import read_rgb, write_rgb
 from lightwell.probe.factory import make_mapping
 from lightwell.probe.unwrap import Lookup
-from lightwell.settings import MappingSettings, StreamSettings
+from lightwell.settings import BackdropSettings, FieldSettings, GradientsSettings, MappingSettings, StreamSettings
+from lightwell.synthetic.room import Room
 
 FRAMES = 120
 """Length of each sequence: four seconds."""
@@ -39,6 +40,9 @@ _VERSION = 1
 """Part of the folders' names: recordings of an older version are not taken for these."""
 
 MAP_NAMES = ("esplanade", "forest", "hall", "lobby", "night", "studio", "sunset", "venice")
+
+FIELDS = {"room": FieldSettings(streams=("room", "room-side"))}
+"""Of the sample streams."""
 
 MIRROR_SPHERE = MappingSettings(kind="mirror-sphere", sphere_radius_m=0.05, sphere_distance_m=1.25, fov_degrees=4.8)
 """A sphere at 1.25 m from the camera, as in paper 003, that all but fills the picture."""
@@ -68,7 +72,8 @@ def make_samples(
     """Make the sample recordings in ``directory`` where they are missing, and return a stream for each by name.
 
     A recording appears whole or not at all, and is the same on every machine but for rounding. ``progress`` is called
-    with the recording's name, the frames done and the frames in all. The third stream is the synthetic room.
+    with the recording's name, the frames done and the frames in all. The other streams are two probes in the synthetic
+    room, with gradients: `FIELDS` combines them.
     """
     directory = Path(directory).resolve()
     streams = {}
@@ -77,7 +82,14 @@ def make_samples(
         if not folder.is_dir():
             _record(name, folder, renderer(), progress)
         streams[name] = StreamSettings(source=f"exr:{folder}?fps={FPS}&loop=1", mapping=mapping)
-    streams["room"] = StreamSettings(source="synthetic:room")
+    lower, upper = (tuple(corner.tolist()) for corner in Room().bounds())
+    box = GradientsSettings(proxy="box", box_lower_m=lower, box_upper_m=upper)
+    streams["room"] = StreamSettings(source="synthetic:room?wall=1", gradients=box)
+    streams["room-side"] = StreamSettings(
+        source="synthetic:room?wall=1&fps=15&width=128&at=0.7,-0.5,0",
+        gradients=box,
+        backdrop=BackdropSettings(enabled=False),
+    )
     return streams
 
 
