@@ -137,8 +137,7 @@ class GradientPlan:
         """
         samples = self._samples(image)
         count = coefficient_count(self.bands)
-        out = np.empty((count, 3, 3)) if out is None else out
-        out[:] = 0
+        total = np.zeros((count, 9))
         t = self._tables
         sum_edges(
             samples,
@@ -153,8 +152,10 @@ class GradientPlan:
             t.down_cosine,
             t.down_sine,
             t.folds,
-            out,
+            total,
         )
+        out = np.empty((count, 3, 3)) if out is None else out
+        out[:] = total.reshape(count, 3, 3)
         return out
 
     def mean_distance(self, image: Picture) -> float:

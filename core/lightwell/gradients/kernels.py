@@ -62,10 +62,11 @@ def _fourier(jumps, parts, cosines, sines, orders, folds, sums):  # type: ignore
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _add_edges(sums, legendre, i, along_phi, cosine, sine, out):  # type: ignore[no-untyped-def]
-    """Add a row's edges to ``out``: ``Σ J y τ``, where τ is φ̂, or θ̂ with the row's cosθ and sinθ.
+def _add_edges(sums, legendre, i, along_phi, cosine, sine, products, out):  # type: ignore[no-untyped-def]
+    """Add a row's edges to ``out`` (bands², 9): ``Σ J y τ``, where τ is φ̂, or θ̂ with the row's cosθ and sinθ.
 
-    ``φ̂ = (−sinφ, cosφ, 0)`` and ``θ̂ = (cosθ cosφ, cosθ sinφ, −sinθ)`` turn order m into m ± 1.
+    ``φ̂ = (−sinφ, cosφ, 0)`` and ``θ̂ = (cosθ cosφ, cosθ sinφ, −sinθ)`` turn order m into m ± 1. ``products`` (2, 9) is
+    scratch: colours and axes of one order lie side by side, so that adding them for each degree vectorises.
     """
     bands = legendre.shape[1]
     for m in range(bands):
@@ -77,21 +78,23 @@ def _add_edges(sums, legendre, i, along_phi, cosine, sine, out):  # type: ignore
                 c_low, s_low = c_up, -s_up
             # Sums of J times the product of cos mφ or sin mφ with cosφ or sinφ.
             cc, cs, sc, ss = c_up + c_low, s_up - s_low, s_up + s_low, c_low - c_up
+            q = 3 * channel
             if along_phi:
-                cos_x, cos_y, cos_z, sin_x, sin_y, sin_z = -cs, cc, 0.0, -ss, sc, 0.0
+                products[0, q], products[0, q + 1], products[0, q + 2] = -cs, cc, 0.0
+                products[1, q], products[1, q + 1], products[1, q + 2] = -ss, sc, 0.0
             else:
-                cos_x, cos_y, cos_z = cosine * cc, cosine * cs, -sine * sums[m, 0, channel]
-                sin_x, sin_y, sin_z = cosine * sc, cosine * ss, -sine * sums[m, 1, channel]
-            for degree in range(m, bands):
-                centre = degree * degree + degree
-                factor = legendre[i, degree, m]
-                out[centre + m, channel, 0] += factor * cos_x
-                out[centre + m, channel, 1] += factor * cos_y
-                out[centre + m, channel, 2] += factor * cos_z
-                if m > 0:
-                    out[centre - m, channel, 0] += factor * sin_x
-                    out[centre - m, channel, 1] += factor * sin_y
-                    out[centre - m, channel, 2] += factor * sin_z
+                products[0, q], products[0, q + 1] = cosine * cc, cosine * cs
+                products[1, q], products[1, q + 1] = cosine * sc, cosine * ss
+                products[0, q + 2] = -sine * sums[m, 0, channel]
+                products[1, q + 2] = -sine * sums[m, 1, channel]
+        for degree in range(m, bands):
+            centre = degree * degree + degree
+            factor = legendre[i, degree, m]
+            for q in range(9):
+                out[centre + m, q] += factor * products[0, q]
+            if m > 0:
+                for q in range(9):
+                    out[centre - m, q] += factor * products[1, q]
 
 
 @njit(cache=True, nogil=True)
@@ -110,7 +113,7 @@ def sum_edges(  # type: ignore[no-untyped-def]
     folds,
     out,
 ):
-    """Add ``Σ_edges y_i (L_b − L_a) w τ`` to ``out`` ``(bands², 3, 3)`` float64.
+    """Add ``Σ_edges y_i (L_b − L_a) w τ`` to ``out`` ``(bands², 9)`` float64, colour by colour and in them x, y, z.
 
     ``samples`` (H, 3W) float32 or bits of halves; ``across``, ``down`` from `edge_weights`; the cosines and sines of mφ
     at the edges between columns and at the columns' centres ``(16, columns)``; Q_lm sinᵐθ ``(rows, bands, bands)``.
@@ -119,14 +122,15 @@ def sum_edges(  # type: ignore[no-untyped-def]
     jumps = np.empty((1, samples.shape[1]), np.float32)
     parts = np.empty((4, samples.shape[1] // 4), np.float32)
     sums = np.empty((PADDED_ORDERS, 2, 3), np.float32)
+    products = np.empty((2, 9))
     for i in range(samples.shape[0]):
         _jump_across(samples, i, across, jumps)
         _fourier(jumps, parts, edge_cosines, edge_sines, orders, folds, sums)
-        _add_edges(sums, across_legendre, i, True, 0.0, 0.0, out)
+        _add_edges(sums, across_legendre, i, True, 0.0, 0.0, products, out)
         if i + 1 < samples.shape[0]:
             _jump_down(samples, i, down, jumps)
             _fourier(jumps, parts, cosines, sines, orders, folds, sums)
-            _add_edges(sums, down_legendre, i, False, down_cosine[i], down_sine[i], out)
+            _add_edges(sums, down_legendre, i, False, down_cosine[i], down_sine[i], products, out)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
