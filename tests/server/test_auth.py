@@ -15,6 +15,7 @@ from tests.support.server import problem, receive, running_server, subscribe
 
 from lightwell.loopback import is_loopback_host
 from lightwell.wire import CLOSE_UNAUTHORIZED, Hello, Refused
+from lightwell_client import Field, RefusedError
 from lightwell_server.auth import Auth, Scope
 from lightwell_server.config import AuthSettings, ServerSettings
 from lightwell_server.problems import Problem
@@ -55,6 +56,24 @@ def test_reading_is_not_changing(guarded: str) -> None:
     created = httpx.post(f"{guarded}/api/v1/streams", json=STREAM, headers=bearer("a"))
     assert created.status_code == 201
     assert "r1" not in created.text
+
+
+def test_fields_have_the_scopes_of_streams(guarded: str) -> None:
+    with Publisher(guarded, "lit", token="p") as worker:
+        worker.publish(position=(0.0, 0.0, 1.0))
+        body = {"name": "stage", "streams": ["lit"]}
+        url = f"{guarded}/api/v1/fields"
+        problem(httpx.get(url), 401, "unauthorized")
+        for token in ("r1", "p"):
+            problem(httpx.post(url, json=body, headers=bearer(token)), 403, "forbidden")
+        assert httpx.post(url, json=body, headers=bearer("a")).status_code == 201
+        assert httpx.get(f"{url}/stage", headers=bearer("r1")).json()["name"] == "stage"
+        for change in (httpx.patch(f"{url}/stage", json={}, headers=bearer("p")), httpx.delete(f"{url}/stage")):
+            assert change.status_code in (401, 403)
+        with pytest.raises(RefusedError, match="token"), Field("stage", guarded, timeout=20) as field:
+            field.next()
+        with Field("stage", guarded, timeout=20, token="r1") as field:
+            assert list(field.next().frames) == ["lit"]
 
 
 def test_health_needs_no_token(guarded: str) -> None:
