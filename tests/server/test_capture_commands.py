@@ -86,3 +86,18 @@ def test_mistakes_are_one_line(run: Commands, tmp_path: Path) -> None:
     assert "is in angular order" in run(*of_sorted, status=1)
     nowhere = tmp_path / "no" / "positions.png"
     assert f"{nowhere}: cannot be written" in run("capture", "info", tmp_path / "rig", "--plot", nowhere, status=1)
+
+
+def test_places_of_a_capture_that_would_have_been_enough(run: Commands, tmp_path: Path) -> None:
+    simulate_capture(tmp_path / "cube", PRESETS["cube"], RigSettings(probes=60, size=24, samples=1))
+    wanted = ("--tolerance", 0.5, "--most", 12, "--bands", 2)
+    said = run("capture", "place", tmp_path / "cube", *wanted, "--plot", tmp_path / "places.png", "--json")
+    placed = json.loads(said)
+    assert placed["places_compared"] == 60
+    assert 1 <= len(placed["positions_m"]) <= placed["ways"][1]["samples"]
+    assert placed["ways"][0]["within_tolerance"]
+    assert (tmp_path / "places.png").read_bytes().startswith(b"\x89PNG")
+    run("capture", "place", tmp_path / "cube", *wanted, "--out", tmp_path / "places.csv")
+    assert len((tmp_path / "places.csv").read_text().splitlines()) == 1 + len(placed["positions_m"])
+    simulate_capture(tmp_path / "sorted", PRESETS["cube"], RigSettings(probes=6, size=16, samples=1), angular=True)
+    assert "angular order" in run("capture", "place", tmp_path / "sorted", status=1)

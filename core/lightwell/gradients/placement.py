@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lightwell.field.gradient import central_differences
 from lightwell.field.grid import Grid
 from lightwell.field.spec import GridSpec
+from lightwell.gradients.freespace import project_gradients
 from lightwell.gradients.interpolate import SampleSet
 
 Floats = NDArray[np.float64]
@@ -28,6 +29,8 @@ MOST_SAMPLES = 128
 """Samples after which placing gives up."""
 MOST_PRUNED = 96
 """Samples of which each is tried whether it can be left out."""
+NEIGHBOURS = 30
+"""Probes that a probe's gradient is fitted to."""
 FINEST_LATTICE = 12
 """Nodes along the longest axis after which a regular lattice gives up."""
 
@@ -109,6 +112,40 @@ def field_of_grid(grid: Grid, most: int = MOST_PLACES) -> Field:
     )
     if field.scale == 0:
         raise ValueError("the grid is dark: there is nothing to place samples for")
+    return field
+
+
+def field_of_probes(positions: Floats, coefficients: Floats) -> Field:
+    """Return the light at scattered probes ``(n, 3)``, ``(n, bands², 3)``, with gradients by regression.
+
+    The gradient of a probe is that of the polynomial through it which fits its nearest neighbours best, quadratic where
+    there are enough, and is projected onto what light in empty space obeys.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer than five probes or all are dark.
+    """
+    if len(positions) < 5:
+        raise ValueError(f"{len(positions)} probes say nothing of gradients; five are the least")
+    quadratic = len(positions) > NEIGHBOURS
+    count = min(NEIGHBOURS, len(positions) - 1)
+    first, second = np.triu_indices(3)
+    gradients = np.empty((*coefficients.shape, 3))
+    for index, position in enumerate(positions):
+        offsets = positions - position
+        distance = np.linalg.norm(offsets, axis=1)
+        near = np.argpartition(distance, count)[: count + 1]
+        near = near[near != index]
+        way, scale = offsets[near], float(distance[near].max())
+        terms = np.concatenate([way, way[:, first] * way[:, second] / scale], axis=1) if quadratic else way
+        weight = np.exp(-2 * (distance[near] / scale) ** 2)[:, None]
+        change = (coefficients[near] - coefficients[index]).reshape(len(near), -1)
+        slopes = np.linalg.lstsq(weight * terms, weight * change, rcond=1e-6)[0][:3]
+        gradients[index] = np.moveaxis(slopes.reshape(3, *coefficients.shape[1:]), 0, -1)
+    field = Field(positions, coefficients, project_gradients(gradients))
+    if field.scale == 0:
+        raise ValueError("all probes are dark: there is nothing to place samples for")
     return field
 
 

@@ -11,7 +11,6 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from lightwell.field.adaptive import AnyGrid
-from lightwell.field.spec import GridSpec
 from lightwell.io.preview import irradiance_slice
 
 NAMES = "xyz"
@@ -63,14 +62,24 @@ def plot_positions(positions: NDArray[np.float64]) -> bytes:
 
 
 def plot_placement(
-    positions: NDArray[np.float64], spec: GridSpec, histories: Mapping[str, Sequence[float]], tolerance: float
+    positions: NDArray[np.float64],
+    candidates: NDArray[np.float64],
+    bounds: tuple[Sequence[float], Sequence[float]] | None,
+    histories: Mapping[str, Sequence[float]],
+    tolerance: float,
 ) -> bytes:
-    """Return a PNG of sample positions ``(n, 3)`` in a grid's box, and of the error with 1, 2, … samples."""
+    """Return a PNG of sample positions ``(n, 3)``, and of the error with 1, 2, … samples.
+
+    They are drawn in the box of ``bounds``, or where there is none among the ``candidates`` ``(m, 3)``.
+    """
     figure = Figure(figsize=(14, 4), layout="constrained")
     *views, curve = figure.subplots(1, 4)
     for place, (right, upwards, deep) in zip(views, ((0, 1, 2), (0, 2, 1), (1, 2, 0)), strict=True):
-        low, high = (spec.lower[right], spec.lower[upwards]), (spec.upper[right], spec.upper[upwards])
-        place.add_patch(Rectangle(low, high[0] - low[0], high[1] - low[1], fill=False, edgecolor="0.6"))
+        if bounds is None:
+            place.scatter(candidates[:, right], candidates[:, upwards], s=2, c="0.8", linewidths=0)
+        else:
+            low, high = ((corner[right], corner[upwards]) for corner in bounds)
+            place.add_patch(Rectangle(low, high[0] - low[0], high[1] - low[1], fill=False, edgecolor="0.6"))
         place.scatter(positions[:, right], positions[:, upwards], s=24, c=positions[:, deep], cmap="viridis")
         place.set_xlabel(f"{NAMES[right]}, m")
         place.set_ylabel(f"{NAMES[upwards]}, m (colour: {NAMES[deep]})")

@@ -12,6 +12,7 @@ from lightwell.conventions import Units
 from lightwell.settings import MappingName
 from lightwell_server.cli.connection import JSON
 from lightwell_server.cli.output import progress_bar
+from lightwell_server.cli.placing import MOST, PLACES_OUT, PLACES_PLOT, TOLERANCE, check_places_out, propose
 
 if TYPE_CHECKING:
     import numpy as np
@@ -272,6 +273,37 @@ def reduce(
         f"{out}: kept {summary['kept']} of {summary['probes']} probes; those dropped differ from the one kept before "
         f"them by {summary['difference_mean']:.2%} on the average, {summary['difference_max']:.2%} at most"
     )
+
+
+@capture_commands.command("place")
+def place(
+    directory: Path = typer.Argument(help="Folder of a capture with frames."),
+    tolerance: float = TOLERANCE,
+    most: int = MOST,
+    probes: int = typer.Option(1000, min=5, max=5000, help="Look at so many of its probes, all over it."),
+    bands: int = typer.Option(5, min=1, max=6, help="SH bands."),
+    out: Path | None = PLACES_OUT,
+    plot: Path | None = PLACES_PLOT,
+    json: bool = JSON,
+) -> None:
+    """Propose which of a capture's places would have been enough for probes with gradients, and what that saves."""
+    import numpy as np
+
+    from lightwell.errors import LightwellError
+    from lightwell.gradients.placement import field_of_probes
+    from lightwell.io.captures import open_capture
+    from lightwell.io.probes import probe_coefficients
+
+    check_places_out(out)
+    capture = open_capture(directory)
+    chosen = np.unique(np.linspace(0, capture.count - 1, min(probes, capture.count)).round().astype(int))
+    with progress_bar("projecting") as report:
+        coefficients = probe_coefficients(capture, chosen.tolist(), bands, report)
+    try:
+        field = field_of_probes(capture.poses.positions[chosen], coefficients)
+    except ValueError as error:
+        raise LightwellError(f"{directory}: {error}") from None
+    propose({"capture": str(directory)}, field, tolerance, most, out, plot, json)
 
 
 @capture_commands.command("truth")

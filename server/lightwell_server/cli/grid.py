@@ -10,6 +10,7 @@ import typer
 
 from lightwell.conventions import Convention
 from lightwell_server.cli.connection import JSON, SERVER, TOKEN, connect
+from lightwell_server.cli.placing import MOST, PLACES_OUT, PLACES_PLOT, TOLERANCE, check_places_out, propose
 
 if TYPE_CHECKING:
     from lightwell.field.adaptive import AnyGrid
@@ -107,83 +108,25 @@ def sample(
 @grid_commands.command("place")
 def place(
     grid: str = GRID,
-    tolerance: float = typer.Option(
-        0.05, min=1e-4, max=2, help="Largest error in any cell, relative to the rms coefficient vector."
-    ),
-    most: int = typer.Option(64, min=1, max=1000, help="Give up after this many samples."),
-    out: Path | None = typer.Option(None, help="Write the positions: .csv (x_m,y_m,z_m) or .json."),
-    plot: Path | None = typer.Option(None, help="Write a picture of the positions and of how the error falls: PNG."),
+    tolerance: float = TOLERANCE,
+    most: int = MOST,
+    out: Path | None = PLACES_OUT,
+    plot: Path | None = PLACES_PLOT,
     server: str = SERVER,
     token: str | None = TOKEN,
     json: bool = JSON,
 ) -> None:
     """Propose where to put the fewest probes with gradients that light all of a grid, and what that saves."""
     from lightwell.errors import LightwellError
-    from lightwell.gradients.placement import field_of_grid, place_lattice, place_samples
-    from lightwell_server.cli.output import progress_bar, write_picture
+    from lightwell.gradients.placement import field_of_grid
 
-    if out is not None and out.suffix not in (".csv", ".json"):
-        raise LightwellError(f"--out: {out}: must end in .csv or .json")
+    check_places_out(out)
     opened = _open(grid, server, token).to_regular()
     try:
         field = field_of_grid(opened)
     except ValueError as error:
         raise LightwellError(f"{grid}: {error}") from None
-    with progress_bar("placing") as report:
-        placed, plain = (
-            place_samples(
-                field,
-                tolerance,
-                gradients=gradients,
-                most=most,
-                report=lambda count, _, gradients=gradients: report(count + (0 if gradients else most), 2 * most),  # type: ignore[misc]
-            )
-            for gradients in (True, False)
-        )
-    halves, trilinear = (place_lattice(opened, field, tolerance, gradients=gradients) for gradients in (True, False))
-    ways = {
-        "placed, with gradients": (len(placed.indices), placed.error),
-        "placed, without": (len(plain.indices), plain.error),
-        "regular lattice, half gradients": (halves.samples, halves.error),
-        "regular lattice, trilinear": (trilinear.samples, trilinear.error),
-    }
-    positions = field.positions[placed.indices]
-    document = {
-        "grid": grid,
-        "tolerance": tolerance,
-        "cells_compared": len(field.positions),
-        "positions_m": positions.round(6).tolist(),
-        "ways": [
-            {"way": way, "samples": count, "error": round(worst, 6), "within_tolerance": worst <= tolerance}
-            for way, (count, worst) in ways.items()
-        ],
-    }
-    if out is not None:
-        _write_positions(out, document)
-    if plot is not None:
-        from lightwell.io.plots import plot_placement
-
-        histories = {"with gradients": placed.history, "without": plain.history}
-        write_picture(plot, plot_placement(positions, opened.spec, histories, tolerance))
-    if json:
-        print(json_module.dumps(document))
-        return
-    print(f"{'':32} samples  largest error")
-    for way, (count, worst) in ways.items():
-        missed = "" if worst <= tolerance else f"  (more would be needed for {tolerance:g})"
-        print(f"{way:32} {count:7}  {worst:.4f}{missed}")
-    if out is None:
-        for x, y, z in positions:
-            print(f"{x:.4f},{y:.4f},{z:.4f}")
-
-
-def _write_positions(out: Path, document: dict[str, Any]) -> None:
-    from lightwell.io.files import write_atomically
-
-    text = json_module.dumps(document, indent=1) + "\n"
-    if out.suffix == ".csv":
-        text = "x_m,y_m,z_m\n" + "".join(f"{x:g},{y:g},{z:g}\n" for x, y, z in document["positions_m"])
-    write_atomically(out, text.encode())
+    propose({"grid": grid}, field, tolerance, most, out, plot, json, opened)
 
 
 @grid_commands.command("export")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.support.reference_gradients import finite_difference
 
 from lightwell.field.grid import Grid
 from lightwell.field.spec import Floats, GridSpec
-from lightwell.gradients.placement import field_of_grid, place_lattice, place_samples, sample_set
+from lightwell.gradients.placement import field_of_grid, field_of_probes, place_lattice, place_samples, sample_set
 from lightwell.gradients.trust import grid_trust_radius
 from lightwell.synthetic.scene import PRESETS
 
@@ -90,3 +91,19 @@ def test_trust_radius_from_second_differences() -> None:
     tilted = SPEC.centres()[..., 0, None, None] * SPEC.centres()[..., 1, None, None]
     assert np.isfinite(grid_trust_radius(1 + tilted, SPEC.voxel)).all()
     assert np.isinf(grid_trust_radius(np.ones((1, 2, 2, 4, 3)), SPEC.voxel)).all()
+
+
+def test_gradients_of_scattered_probes() -> None:
+    scene = PRESETS["cube"]
+    positions = np.random.default_rng(0).uniform(-0.3, 0.3, (300, 3))
+    field = field_of_probes(positions, scene.coefficients(positions, 3))
+    inner = np.flatnonzero((np.abs(positions) < 0.2).all(axis=1))[:20]
+    exact = np.array([finite_difference(lambda p: scene.coefficients(p, 3), positions[index]) for index in inner])
+    assert np.linalg.norm(field.gradients[inner] - exact) < 0.05 * np.linalg.norm(exact)
+    assert len(place_samples(field, 0.1).indices) < len(place_samples(field, 0.1, gradients=False).indices)
+    few = field_of_probes(positions[:6], 1 + positions[:6, :1, None] * np.ones((1, 4, 3)))
+    assert few.gradients.shape == (6, 4, 3, 3)
+    with pytest.raises(ValueError, match="five are the least"):
+        field_of_probes(positions[:4], np.ones((4, 4, 3)))
+    with pytest.raises(ValueError, match="dark"):
+        field_of_probes(positions[:9], np.zeros((9, 4, 3)))
