@@ -35,10 +35,10 @@ def run() -> list[Row]:
 
 
 def _live() -> list[Row]:
-    """Measure at the resolution of the live path, for mappings of each kind."""
+    """Measure at the default resolution, for mappings of each kind."""
     return [
         *_mapping("lat-long 256×128", LatLong(128, 256)),
-        *_mapping("octahedral 181×181", Octahedral(181, 181)),
+        *_mapping("octahedral 256×256", Octahedral(256, 256)),
         *_mapping("mirror sphere 256×256", MirrorSphere(256, 256, SphereView(0.05, 2400.0))),
     ]
 
