@@ -25,10 +25,18 @@ class GltfObject(NamedTuple):
     """``(V, 3)``, of any length; None where the file has none."""
     colours: NDArray[np.float64] | None
     """``(V, 3)`` linear, or None where the file says nothing."""
+    primitive: Mapping[str, Any]
+    """What the file says of it."""
+    turn: NDArray[np.float64]
+    """``(3, 3)``, or ``(V, 3, 3)`` of a skin: how directions along the surface have been turned."""
+    mirrored: bool
+    """Whether that was a mirror image."""
 
 
-def read_objects(document: Mapping[str, Any], data: GltfData, pictures: Pictures) -> Iterator[GltfObject]:
+def read_objects(document: Mapping[str, Any], data: GltfData, pictures: Pictures | None) -> Iterator[GltfObject]:
     """Yield the triangle meshes of the scene, mesh after mesh in the file's order and use after use in its nodes'.
+
+    Without ``pictures``, colours are those of factors and vertices alone.
 
     Raises
     ------
@@ -36,7 +44,7 @@ def read_objects(document: Mapping[str, Any], data: GltfData, pictures: Pictures
         Where data are missing or contradict each other; other errors where the document does.
     """
     nodes = document.get("nodes", [])
-    places = _places(document)
+    places = node_places(document)
     uses = [(nodes[index]["mesh"], index) for index in places if "mesh" in nodes[index]]
     uses.sort(key=lambda use: use[0])
     count = sum(len(document["meshes"][mesh]["primitives"]) for mesh, _ in uses)
@@ -62,7 +70,7 @@ def _object(
     places: Mapping[int, NDArray[np.float64]],
     place: NDArray[np.float64],
     skin: Mapping[str, Any] | None,
-    pictures: Pictures,
+    pictures: Pictures | None,
 ) -> GltfObject:
     attributes = primitive["attributes"]
     positions = data.numbers(attributes["POSITION"], 3)
@@ -77,11 +85,11 @@ def _object(
     if skin is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
         # The joints alone say where a skin is; the node that holds it does not (glTF 2.0 §3.7.3.3).
         matrices = _skinned(data, skin, attributes, places)
-        turns = matrices[:, :3, :3]
-        positions = np.einsum("vij,vj->vi", turns, positions) + matrices[:, :3, 3]
+        turn = matrices[:, :3, :3]
+        positions = np.einsum("vij,vj->vi", turn, positions) + matrices[:, :3, 3]
         # Mixtures of turns have no inverse to rely on: as renderers do, normals go like the surface.
-        normals = None if normals is None else np.einsum("vij,vj->vi", turns, normals)
-        mirrored = len(turns) > 0 and bool(np.median(np.linalg.det(turns)) < 0)
+        normals = None if normals is None else np.einsum("vij,vj->vi", turn, normals)
+        mirrored = len(turn) > 0 and bool(np.median(np.linalg.det(turn)) < 0)
     else:
         turn = place[:3, :3]
         mirrored = bool(np.linalg.det(turn) < 0)
@@ -91,7 +99,7 @@ def _object(
         normals = None if normals is None else normals @ cofactors.T * (-1 if mirrored else 1)
     if mirrored:  # a mirror image runs round the other way (§3.7.4)
         triangles = triangles[:, ::-1]
-    return GltfObject(name, positions, triangles, normals, colours)
+    return GltfObject(name, positions, triangles, normals, colours, primitive, turn, mirrored)
 
 
 def _triangles(data: GltfData, primitive: Mapping[str, Any], vertices: int) -> NDArray[np.int64]:
@@ -144,7 +152,7 @@ def _skinned(
     return np.asarray(total / np.where(free, 1.0, shares)[:, None, None])
 
 
-def _places(document: Mapping[str, Any]) -> dict[int, NDArray[np.float64]]:
+def node_places(document: Mapping[str, Any]) -> dict[int, NDArray[np.float64]]:
     """Return where each node of the scene is, ``(4, 4)``, in the order in which it is come by from the roots."""
     nodes = document.get("nodes", [])
     scenes = document.get("scenes", [])

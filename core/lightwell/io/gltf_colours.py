@@ -68,7 +68,7 @@ class Pictures:
 
 
 def base_colours(
-    document: Mapping[str, Any], data: GltfData, primitive: Mapping[str, Any], count: int, pictures: Pictures
+    document: Mapping[str, Any], data: GltfData, primitive: Mapping[str, Any], count: int, pictures: Pictures | None
 ) -> NDArray[np.float64] | None:
     """Return the linear colour of each vertex, ``(count, 3)``, or None where the file says nothing of it."""
     attributes = primitive["attributes"]
@@ -82,8 +82,8 @@ def base_colours(
             colours *= np.asarray(factor, np.float64)[:3]
             known = True
         texture = rough.get("baseColorTexture", glossy.get("diffuseTexture"))
-        found = None if texture is None else pictures.pixels(texture)
-        if texture is not None and found is not None:
+        found = None if texture is None or pictures is None else pictures.pixels(texture)
+        if pictures is not None and found is not None:
             turn = texture.get("extensions", {}).get(TRANSFORM, {})
             name = f"TEXCOORD_{turn.get('texCoord', texture.get('texCoord', 0))}"
             if name in attributes:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
@@ -24,7 +25,7 @@ MAX_FILE_BYTES = 1 << 30
 MAX_TRIANGLES = 5_000_000
 MAX_TEXTURE_PIXELS = 1 << 26
 
-_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Turns (x, y, z) with +Y up into world axes: (x, −z, y)."""
 
 
@@ -57,15 +58,20 @@ def load_meshes(path: str | Path, up: UpAxis = "y", max_triangles: int = MAX_TRI
         Whatever is wrong: missing, no mesh file, damaged, no triangles, a position that is not finite, too large.
     """
     path = Path(path)
+    data = read_mesh_file(path)
+    return read_meshes(data, path.name, up, max_triangles, path.parent)
+
+
+def read_mesh_file(path: Path) -> bytes:
+    """Return the bytes of a file. Raises `MeshError` where it is missing or too large."""
     require_file(path)
     try:
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
             raise MeshError(f"{path.name}: has {size >> 20} MiB; at most {MAX_FILE_BYTES >> 20} are read: simplify it")
-        data = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise MeshError(f"{path}: cannot be read: {error.strerror}") from None
-    return read_meshes(data, path.name, up, max_triangles, path.parent)
 
 
 def read_meshes(
@@ -80,11 +86,21 @@ def read_meshes(
         raise MeshError(f"{name}: has the type {suffix or '(none)'}; meshes are read from {', '.join(MESH_SUFFIXES)}")
     if not data:
         raise MeshError(f"{name}: is empty")
-    try:
+    with mesh_errors(name):
         if suffix in (".glb", ".gltf"):
             meshes = _gltf(data, name, up, folder, max_triangles)
         else:
             meshes = _by_trimesh(data, name, up, folder, max_triangles)
+    if not any(len(mesh.triangles) for mesh in meshes):
+        raise MeshError(f"{name}: holds no triangles; export it as a triangle mesh, not as points or lines")
+    return meshes
+
+
+@contextmanager
+def mesh_errors(name: str) -> Iterator[None]:
+    """Turn whatever comes of a damaged file into a `MeshError` that names it."""
+    try:
+        yield
     except (MeshError, MemoryError):
         raise
     except (GltfError, _MissingFileError) as error:
@@ -94,32 +110,38 @@ def read_meshes(
         text = str(error).strip().splitlines()
         reason = text[0][:200] if text else "no reason given"
         raise MeshError(f"{name}: cannot be read ({type(error).__name__}: {reason}); export it again") from None
-    if not any(len(mesh.triangles) for mesh in meshes):
-        raise MeshError(f"{name}: holds no triangles; export it as a triangle mesh, not as points or lines")
-    return meshes
 
 
-def _gltf(data: bytes, name: str, up: UpAxis, folder: Path | None, max_triangles: int) -> list[Mesh]:
+def open_gltf(
+    data: bytes, name: str, folder: Path | None, max_triangles: int = MAX_TRIANGLES
+) -> tuple[dict[str, Any], GltfData]:
+    """Return the checked document of a glTF or GLB file and its data. Raises within `mesh_errors`."""
     binary: bytes | None = None
     if PurePosixPath(name).suffix.lower() == ".glb":
         document, binary = split_glb(data)
     else:
         document = parse_document(data)
     check_document(document, max_triangles)
-    turn = _Z_UP if up == "y" else np.eye(3)
+    return document, GltfData(document, binary, _Beside(folder, name).get)
+
+
+def _gltf(data: bytes, name: str, up: UpAxis, folder: Path | None, max_triangles: int) -> list[Mesh]:
+    document, data_of = open_gltf(data, name, folder, max_triangles)
+    turn = Z_UP if up == "y" else np.eye(3)
     meshes: list[Mesh] = []
     taken: set[str] = set()
-    data_of = GltfData(document, binary, _Beside(folder, name).get)
-    for one in read_objects(document, data_of, Pictures(document, data_of, _pixels, _sampled)):
+    for one in read_objects(document, data_of, Pictures(document, data_of, pixels_of, _sampled)):
         if len(one.positions) == 0:
             continue
         normals = None if one.normals is None else one.normals @ turn.T
         albedo = DEFAULT_ALBEDO if one.colours is None else one.colours
-        meshes.append(_mesh(name, _unique(one.name, taken), one.positions @ turn.T, one.triangles, normals, albedo))
+        meshes.append(
+            checked_mesh(name, unique_title(one.name, taken), one.positions @ turn.T, one.triangles, normals, albedo)
+        )
     return meshes
 
 
-def _mesh(
+def checked_mesh(
     file: str,
     title: str,
     positions: NDArray[np.float64],
@@ -127,6 +149,7 @@ def _mesh(
     normals: NDArray[np.float64] | None,
     albedo: NDArray[np.float64] | float,
 ) -> Mesh:
+    """Return a mesh; raises `MeshError` with the file and the object where it is none."""
     try:
         with np.errstate(over="ignore"):  # what is too large for float32 is not finite, and is refused as that
             return make_mesh(title, positions, triangles, normals, albedo)
@@ -211,7 +234,7 @@ def _by_trimesh(data: bytes, name: str, up: UpAxis, folder: Path | None, max_tri
     total = sum(len(geometry.faces) for geometry in found.values())
     if total > max_triangles:
         raise MeshError(f"{name}: has {total} triangles; at most {max_triangles} are read: simplify it")
-    turn = _Z_UP if up == "y" else np.eye(3)
+    turn = Z_UP if up == "y" else np.eye(3)
     meshes: list[Mesh] = []
     taken: set[str] = set()
     for key, geometry in found.items():
@@ -222,7 +245,9 @@ def _by_trimesh(data: bytes, name: str, up: UpAxis, folder: Path | None, max_tri
         positions = np.asarray(geometry.vertices, np.float64) @ turn.T
         normals = None if own is None else own @ turn.T
         triangles = np.asarray(geometry.faces, np.int64)
-        meshes.append(_mesh(name, _unique(str(key), taken), positions, triangles, normals, _albedo(geometry)))
+        meshes.append(
+            checked_mesh(name, unique_title(str(key), taken), positions, triangles, normals, _albedo(geometry))
+        )
     return meshes
 
 
@@ -253,7 +278,8 @@ def _plain(key: str) -> str:
     return key.rpartition("_")[0]
 
 
-def _unique(wanted: str, taken: set[str]) -> str:
+def unique_title(wanted: str, taken: set[str]) -> str:
+    """Return a name that nothing has yet, and take it."""
     title, number = wanted, 1
     while title in taken:
         number += 1
@@ -274,7 +300,7 @@ def _albedo(geometry: Any) -> NDArray[np.float64]:  # noqa: ANN401
             albedo *= _fractions(material.diffuse)[:3]
             known = True
         if material.image is not None and visual.uv is not None and len(visual.uv) == count:
-            albedo *= _sampled(_pixels(material.image), np.asarray(visual.uv, np.float64))
+            albedo *= _sampled(pixels_of(material.image), np.asarray(visual.uv, np.float64))
             known = True
     colours = _vertex_colours(geometry)
     if colours is not None and len(colours) == count:
@@ -309,7 +335,7 @@ def _linear(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def _pixels(picture: Any) -> NDArray[np.uint8]:  # noqa: ANN401
+def pixels_of(picture: Any) -> NDArray[np.uint8]:  # noqa: ANN401
     """Return the sRGB pixels of a picture of Pillow's, ``(H, W, 3)``."""
     width, height = picture.size
     if width * height > MAX_TEXTURE_PIXELS:
