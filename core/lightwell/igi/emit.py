@@ -1,0 +1,117 @@
+"""Lamps: emissive surfaces, points, spots and parallel light."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightwell.conventions import LUMINANCE
+from lightwell.igi.lights import DIRECTIONAL, NONE, POINT, SURFACE, VirtualLights, make_lights
+from lightwell.igi.scene import DirectionalLight, PointLight
+from lightwell.igi.sources import Floats, Rays, cosine_directions, frames, pick
+from lightwell.igi.surfaces import Surfaces
+
+EMISSION_POINTS = np.array(
+    [[1 / 3, 1 / 3], [0.6, 0.2], [0.2, 0.6], [0.2, 0.2], [0.06, 0.06], [0.88, 0.06], [0.06, 0.88]]
+)
+"""Where the emission of a triangle is looked at to see how many samples it deserves."""
+DEFENSIVE = 0.05
+"""Share of the samples that goes by area alone: a texture may be bright where it was not looked at."""
+
+
+class EmissiveSurfaces:
+    """Light of all emissive triangles: points by power, then even over each triangle."""
+
+    is_sampled = True
+
+    def __init__(self, surfaces: Surfaces) -> None:
+        self._surfaces = surfaces
+        emits = np.array([item.material.emits for item in surfaces.objects], np.bool_)
+        self._triangles = np.flatnonzero(emits[surfaces.owner] & (surfaces.areas > 0))
+        areas = surfaces.areas[self._triangles]
+        means = np.zeros((len(self._triangles), 3))
+        for point in EMISSION_POINTS:
+            means += surfaces.emission(self._triangles, np.tile(point, (len(areas), 1))) / len(EMISSION_POINTS)
+        powers = np.pi * areas * (means @ LUMINANCE)
+        self.power = float(powers.sum())
+        if self.power > 0:
+            shares = (1 - DEFENSIVE) * powers / self.power + DEFENSIVE * areas / areas.sum()
+            self._shares = shares
+            self._cumulative = np.cumsum(shares) / shares.sum()
+            self._cumulative[-1] = 1.0
+
+    def lights(self, numbers: Floats, count: float, clamp: float) -> VirtualLights:
+        """Return samples of the surfaces."""
+        places, normals, flux, area = self._sample(numbers, count)
+        return make_lights(SURFACE, places, normals, flux, least=clamp**2 * area / np.pi)
+
+    def rays(self, numbers: Floats, count: float) -> Rays:
+        """Return rays from the surfaces, cosine-weighted about their normals."""
+        places, normals, flux, _ = self._sample(numbers, count)
+        return Rays(places, cosine_directions(normals, numbers[:, 3], numbers[:, 4]), flux)
+
+    def _sample(self, numbers: Floats, count: float) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return places, normals, flux ``π L A / (count p)`` and the area that each sample stands for."""
+        index, _ = pick(self._cumulative, numbers[:, 0])
+        triangles = self._triangles[index]
+        root = np.sqrt(numbers[:, 1])
+        barycentric = np.stack([root * (1 - numbers[:, 2]), root * numbers[:, 2]], axis=1)
+        corners = self._surfaces.mesh.positions.astype(np.float64)[self._surfaces.mesh.triangles[triangles]]
+        u, v = barycentric[:, :1], barycentric[:, 1:]
+        normals = self._surfaces.fronts[triangles].astype(np.float64)
+        places = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2] + self._surfaces.lift * normals
+        area = self._surfaces.areas[triangles] / (count * self._shares[index])
+        return places, normals, np.pi * area[:, None] * self._surfaces.emission(triangles, barycentric), area
+
+
+class Lamp:
+    """A punctual light: whole in every set, and a source of rays for what it lights."""
+
+    is_sampled = False
+
+    def __init__(self, lamp: PointLight | DirectionalLight, centre: Floats, radius: float) -> None:
+        """Take a lamp and a sphere that holds the scene."""
+        self._lamp, self._centre, self._radius = lamp, centre, radius
+        if isinstance(lamp, DirectionalLight):
+            self._axis = np.asarray(lamp.towards, np.float64) / np.linalg.norm(lamp.towards)
+            self._colour = np.asarray(lamp.irradiance, np.float64)
+            solid_angle = np.pi * radius**2
+        else:
+            axis = np.array((0.0, 0.0, 1.0) if lamp.direction is None else lamp.direction)
+            self._axis = axis / np.linalg.norm(axis)
+            self._colour = np.asarray(lamp.intensity, np.float64)
+            self._lowest = -1.0 if lamp.direction is None else float(np.cos(lamp.outer_angle))
+            solid_angle = 2 * np.pi * (1 - self._lowest)
+        self._extent = solid_angle
+        self.power = float(self._colour @ LUMINANCE) * solid_angle
+
+    @property
+    def light(self) -> VirtualLights:
+        """The lamp as a virtual light."""
+        if isinstance(self._lamp, DirectionalLight):
+            return make_lights(DIRECTIONAL, np.zeros((1, 3)), self._axis, self._colour[None])
+        falloff = (0.0, 1.0) if self._lamp.direction is None else self._lamp.falloff
+        place = np.asarray(self._lamp.position, np.float64)
+        return make_lights(POINT, place, self._axis, self._colour[None], falloff=falloff)
+
+    def lights(self, numbers: Floats, count: float, clamp: float) -> VirtualLights:
+        """Return nothing: `light` is all there is."""
+        del numbers, count, clamp
+        return NONE
+
+    def rays(self, numbers: Floats, count: float) -> Rays:
+        """Return parallel rays through a disc that covers the scene, or rays even over the lamp's cone."""
+        angle = 2 * np.pi * numbers[:, 4:5]
+        first, second = frames(self._axis[None])
+        if isinstance(self._lamp, DirectionalLight):
+            radius = self._radius * np.sqrt(numbers[:, 3:4])
+            across = radius * np.cos(angle) * first + radius * np.sin(angle) * second
+            origins = self._centre + across + 1.01 * self._radius * self._axis
+            directions = np.tile(-self._axis, (len(numbers), 1))
+            return Rays(origins, directions, np.tile(self._colour * (self._extent / count), (len(numbers), 1)))
+        z = 1 - (1 - self._lowest) * numbers[:, 3:4]
+        sine = np.sqrt(np.maximum(0, 1 - z * z))
+        directions = sine * np.cos(angle) * first + sine * np.sin(angle) * second + z * self._axis
+        a, b = (0.0, 1.0) if self._lamp.direction is None else self._lamp.falloff
+        strength = np.clip(a * z + b, 0, 1) ** 2
+        origins = np.tile(np.asarray(self._lamp.position, np.float64), (len(numbers), 1))
+        return Rays(origins, directions, strength * self._colour * (self._extent / count))

@@ -1,0 +1,59 @@
+"""A scene of `lightwell.igi` by Mitsuba 3: matte surfaces and lamps, all bounces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from tests.support.mitsuba_pictures import import_mitsuba
+
+from lightwell.igi import IgiScene
+from lightwell.render import Camera
+
+
+def room_path_traced(
+    scene: IgiScene, camera: Camera, size: tuple[int, int], samples: int, folder: Path, depth: int = -1
+) -> NDArray[np.float64]:
+    """``(H, W, 3)`` radiance. Winding must be that of the normals: Mitsuba lights what is wound counter-clockwise."""
+    mi = import_mitsuba()
+    made: dict[str, Any] = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": depth, "rr_depth": 8},
+        "camera": {
+            "type": "perspective",
+            "fov": camera.fov_degrees,
+            "fov_axis": "y",
+            "to_world": mi.ScalarTransform4f().look_at(
+                origin=list(camera.position), target=list(camera.target), up=list(camera.up)
+            ),
+            "film": {
+                "type": "hdrfilm",
+                "width": size[0],
+                "height": size[1],
+                "rfilter": {"type": "box"},
+                "pixel_format": "rgb",
+                "component_format": "float32",
+            },
+            "sampler": {"type": "multijitter", "sample_count": samples},
+        },
+    }
+    for number, item in enumerate(scene.objects):
+        mesh, material = item.mesh, item.material
+        assert material.base is not None
+        assert material.specular == 0
+        file = folder / f"object-{number}.ply"
+        trimesh.Trimesh(mesh.positions, mesh.triangles, vertex_normals=mesh.normals, process=False).export(
+            file, vertex_normal=True
+        )
+        shape = {
+            "type": "ply",
+            "filename": str(file),
+            "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(material.base)}},
+        }
+        if material.emits:
+            shape["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": list(material.emission)}}
+        made[f"object-{number}"] = shape
+    return np.asarray(mi.render(mi.load_dict(made)), dtype=np.float64)

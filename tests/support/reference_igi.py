@@ -1,0 +1,101 @@
+"""Slow, plain versions of the kernels of `lightwell.igi`, straight from MATHS §10."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.geometry.rays import RayScene
+from lightwell.igi.lights import BOUNDARY, DIRECTIONAL, POINT, SURFACE, LightSets, VirtualLights
+from lightwell.sh.basis import evaluate
+from lightwell.sh.shading import irradiance, phong
+
+Floats = NDArray[np.float64]
+
+
+def light_at(lights: VirtualLights, j: int, place: Floats, normal: Floats) -> tuple[Floats, Floats, float] | None:
+    """Direction ω, Φ ``(3,)`` without the clamp and its factor, or None below the horizon."""
+    axis, flux = lights.normal[j], lights.flux[j]
+    if lights.kind[j] == DIRECTIONAL:
+        return (axis, flux, 1.0) if normal @ axis > 0 else None
+    away = lights.position[j] - place
+    square = float(away @ away)
+    omega = away / np.sqrt(square)
+    above, cosine = float(normal @ omega), float(-axis @ omega)
+    if above <= 0:
+        return None
+    if lights.kind[j] == POINT:
+        a, b = lights.falloff[j]
+        return omega, flux * np.clip(a * cosine + b, 0, 1) ** 2 / square, 1.0
+    if cosine <= 0:
+        return None
+    # Bounded: both cosines over the squared distance.
+    kept = min(1.0, square / (lights.least[j] * cosine * above)) if lights.least[j] > 0 else 1.0
+    if lights.kind[j] == SURFACE:
+        return omega, flux * cosine / (np.pi * square), kept
+    assert lights.kind[j] == BOUNDARY
+    table = lights.coefficients[lights.row[j]]
+    radiance = np.maximum(evaluate(omega, int(np.sqrt(len(table)))) @ table, 0)
+    return omega, flux * cosine / square * radiance, kept
+
+
+def gathered(
+    rays: RayScene, sets: LightSets, bands: int, place: Floats, normal: Floats, which: int
+) -> tuple[Floats, float]:
+    """Coefficients ``(2, bands², 3)`` of one pixel, and what the clamp took."""
+    total, lost = np.zeros((2, bands * bands, 3)), 0.0
+    for j in range(sets.starts[which], sets.starts[which + 1]):
+        seen = light_at(sets.lights, j, place, normal)
+        if seen is None:
+            continue
+        omega, phi, kept = seen
+        far = sets.lights.kind[j] == DIRECTIONAL
+        ray = omega if far else sets.lights.position[j] - place
+        end = np.array([1e30 if far else 1.0], np.float32)
+        if rays.occluded(place[None].astype(np.float32), ray[None].astype(np.float32), end)[0]:
+            continue
+        total[int(j >= sets.bounced[which])] += kept * evaluate(omega, bands)[:, None] * phi
+        lost += (1 - kept) * float(phi.sum())
+    return total, lost
+
+
+def filtered(
+    values: NDArray[Any],
+    seen: NDArray[np.bool_],
+    place: Floats,
+    geometric: Floats,
+    shading: Floats,
+    depth: Floats,
+    reach: tuple[int, int, int, int],
+    cosines: tuple[float, float | None],
+    tolerance: float,
+) -> NDArray[Any]:
+    """The mean over accepted neighbours, pixel by pixel."""
+    left, right, up, down = reach
+    height, width = seen.shape
+    out = np.zeros((height - up - down, width - left - right, values.shape[2]), values.dtype)
+    for i in range(up, height - down):
+        for j in range(left, width - right):
+            if not seen[i, j]:
+                continue
+            window = slice(i - up, i + down + 1), slice(j - left, j + right + 1)
+            accepted = seen[window] & (geometric[window] @ geometric[i, j] > cosines[0])
+            accepted &= np.abs((place[window] - place[i, j]) @ geometric[i, j]) < tolerance * depth[i, j]
+            if cosines[1] is not None:
+                accepted &= shading[window] @ shading[i, j] >= cosines[1]
+            out[i - up, j - left] = values[window][accepted].mean(axis=0)
+    return out
+
+
+def shaded(
+    coefficients: Floats, normal: Floats, view: Floats, exponent: float, window: Floats
+) -> tuple[Floats, Floats]:
+    """Irradiance over π under a window of the degrees, and the lobe's radiance, of ``(bands², 3)``; not clipped."""
+    degrees = np.repeat(np.arange(len(window)), 2 * np.arange(len(window)) + 1)
+    mirrored = view - 2 * (view @ normal) * normal
+    return (
+        irradiance(coefficients * window[degrees][:, None], normal) / np.pi,
+        phong(coefficients, mirrored, exponent),
+    )
