@@ -25,24 +25,34 @@ export class Atlas {
     this.texture.needsUpdate = true;
   }
 
-  /** Send the tiles to the GPU; says whether its memory suffices. */
+  /** Send the tiles to the GPU once; says whether its memory suffices. */
   upload(renderer: WebGLRenderer): boolean {
     if (this.uploaded) return true;
     const gl = renderer.getContext() as WebGL2RenderingContext;
     while (gl.getError() !== gl.NO_ERROR);
+    this.send(renderer);
+    this.uploaded = gl.getError() === gl.NO_ERROR;
+    return this.uploaded;
+  }
+
+  /** Send the tiles as they are now; whether that worked is not asked, for the answer would have to be waited for. */
+  send(renderer: WebGLRenderer): void {
+    const gl = renderer.getContext() as WebGL2RenderingContext;
     renderer.initTexture(this.texture);
     const { __webglTexture: texture } = renderer.properties.get(this.texture) as { __webglTexture: WebGLTexture };
     const [x, y, z] = this.tile;
-    // Three has just set flipping and alignment as this texture wants them.
     renderer.state.bindTexture(gl.TEXTURE_3D, texture);
+    // Three keeps these as its last texture wanted them.
+    const { state } = renderer;
+    state.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+    state.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
+    state.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.tiles.forEach((tile, i) => {
       const column = i % this.layout.columns;
       const row = Math.floor(i / this.layout.columns);
       gl.texSubImage3D(gl.TEXTURE_3D, 0, column * x, row * y, 0, x, y, z, gl.RGBA, gl.HALF_FLOAT, tile);
     });
     renderer.state.unbindTexture();
-    this.uploaded = gl.getError() === gl.NO_ERROR;
-    return this.uploaded;
   }
 
   /** The GPU has lost its memory: the next upload sends everything again. */

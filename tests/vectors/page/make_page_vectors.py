@@ -22,6 +22,7 @@ from lightwell.field.atlas import make_atlas
 from lightwell.field.grid import Grid
 from lightwell.field.spec import GridSpec
 from lightwell.field.tiles import pack_bends, pack_tiles, unpack_tiles
+from lightwell.gradients.interpolate import SampleSet
 from lightwell.render import DistantLight, FieldLight
 from lightwell.render.light import modulate
 from lightwell.render.material import Material
@@ -209,6 +210,43 @@ def shading_vectors() -> list[dict[str, Any]]:
     return rows
 
 
+SETS = {
+    "one": [(0.2, -0.1, 0.4)],
+    "two": [(-0.5, 0.0, 0.4), (0.5, 0.1, 0.5)],
+    "three": [(-0.5, 0.0, 0.4), (0.5, 0.1, 0.5), (0.0, 0.7, 0.3)],
+    "three on a line": [(-0.5, 0.0, 0.4), (0.5, 0.0, 0.4), (0.1, 0.0, 0.4)],
+    "four in a plane": [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)],
+    "five": [(0.0, 0.0, 0.0), (1.0, 0.1, 0.0), (0.1, 1.0, 0.0), (0.0, 0.1, 1.0), (0.9, 0.8, 0.7)],
+    "corners of a cube": [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)],
+}
+
+
+def sample_vectors() -> list[dict[str, Any]]:
+    """Light between and near samples with gradients, and without; far away the step is cut short."""
+    rng = np.random.default_rng(11)
+    rows = []
+    for name, positions in SETS.items():
+        coefficients = rng.normal(size=(len(positions), 4, 3)).astype(np.float32).astype(np.float64)
+        coefficients[:, 0] = np.abs(coefficients[:, 0])
+        gradients = 0.5 * rng.normal(size=(*coefficients.shape, 3)).astype(np.float32).astype(np.float64)
+        middle = np.mean(positions, axis=0)
+        points = [*(middle + 0.5 * rng.normal(size=(12, 3))), middle, np.array(positions[-1]), middle + [9, -9, 9]]
+        whole = SampleSet(positions, coefficients, gradients).at(points)
+        plain = SampleSet(positions, coefficients).at(points)
+        rows.append(
+            {
+                "name": name,
+                "positions": positions,
+                "coefficients": coefficients.reshape(len(positions), -1).tolist(),
+                "gradients": gradients.reshape(len(positions), -1).tolist(),
+                "points": np.array(points).tolist(),
+                "light": whole.reshape(len(points), -1).tolist(),
+                "plain": plain.reshape(len(points), -1).tolist(),
+            }
+        )
+    return rows
+
+
 def make() -> dict[str, Any]:
     """Return all vectors."""
     return {
@@ -222,6 +260,7 @@ def make() -> dict[str, Any]:
         "bent": [bent_vectors(2, (3, 4, 2)), bent_vectors(3, (1, 3, 2))],
         "adaptive": [adaptive_vectors((18, 7, 11)), adaptive_vectors((9, 1, 5))],
         "groups": group_vectors(),
+        "samples": sample_vectors(),
         "lobes": lobe_vectors(),
         "shading": shading_vectors(),
     }

@@ -1,0 +1,103 @@
+// Light between samples against what Python says of it (tests/vectors/page).
+
+import { readFileSync } from "node:fs";
+
+import { describe, expect, it } from "vitest";
+
+import { PAGE_BANDS, withBands, type Vector3 } from "../sh.ts";
+import { extrapolate, unpackGradients } from "./extrapolate.ts";
+import { LocalField } from "./local.ts";
+import { SampleSet, type Sample } from "./samples.ts";
+
+interface Vectors {
+  name: string;
+  positions: Vector3[];
+  coefficients: number[][];
+  gradients: number[][];
+  points: Vector3[];
+  light: number[][];
+  plain: number[][];
+}
+
+const file = new URL("../../../tests/vectors/page/page.json", import.meta.url);
+const { samples: vectors } = JSON.parse(readFileSync(file, "utf-8")) as { samples: Vectors[] };
+
+function samplesOf({ positions, coefficients, gradients }: Vectors, withGradients = true): Sample[] {
+  return positions.map((position, k) => ({
+    position,
+    coefficients: Float64Array.from(coefficients[k]!),
+    gradients: withGradients ? Float64Array.from(gradients[k]!) : null,
+  }));
+}
+
+function expectClose(actual: ArrayLike<number>, expected: ArrayLike<number>, tolerance: number): void {
+  expect(actual.length).toBe(expected.length);
+  for (let i = 0; i < actual.length; i++) expect(Math.abs(actual[i]! - expected[i]!)).toBeLessThan(tolerance);
+}
+
+describe.each(vectors)("light of $name", (vector) => {
+  it("is Python's, with gradients and without", () => {
+    for (const [set, light] of [
+      [new SampleSet(samplesOf(vector)), vector.light],
+      [new SampleSet(samplesOf(vector, false)), vector.plain],
+    ] as const) {
+      vector.points.forEach((point, k) => expectClose(set.at(point), light[k]!, 1e-9));
+    }
+  });
+
+  it("comes out of the lattice about an object", () => {
+    const padded = samplesOf(vector).map(({ position, coefficients, gradients }) => ({
+      position,
+      coefficients: withBands(Float32Array.from(coefficients), PAGE_BANDS),
+      gradients: new Float32Array(9 * PAGE_BANDS ** 2),
+      original: gradients!,
+    }));
+    for (const { gradients, original } of padded) gradients.set(original);
+    const set = new SampleSet(padded);
+    const middle = vector.points[12]!;
+    const base = Float32Array.from(set.at(middle));
+    const local = new LocalField();
+    local.fill(set, middle, 0.2, base, null);
+    expectClose(local.field.sample(middle), base.map(() => 0), 1e-3);
+    // At nodes to halves, between them where light bends and the limit has a kink as well as 5 cm steps can be.
+    for (const [offset, tolerance] of [[[0.1, -0.05, 0.15], 2e-3], [[0.2, 0.2, -0.2], 2e-3], [[0.02, 0.07, -0.18], 0.03]] as const) {
+      const point = middle.map((value, k) => value + offset[k]!) as unknown as Vector3;
+      const found = local.field.sample(point).map((value, i) => value + base[i]!);
+      expectClose(found, set.at(point), tolerance);
+    }
+  });
+});
+
+describe("one sample", () => {
+  const [vector] = vectors;
+
+  it("is extrapolated", () => {
+    const [sample] = samplesOf(vector!);
+    const { position, coefficients, gradients } = sample!;
+    vector!.points.forEach((point, k) => {
+      const offset = point.map((value, axis) => value - position[axis]!) as unknown as Vector3;
+      expectClose(extrapolate(coefficients, gradients!, offset), vector!.light[k]!, 1e-9);
+    });
+  });
+
+  it("keeps 30 % of its mean, and a black channel stays as it is", () => {
+    const far = extrapolate(Float64Array.of(1, 0, 2, 5, 5, 5), Float64Array.from({ length: 18 }, (_, i) => (i < 9 ? -1 : 3)), [9, 0, 0]);
+    expectClose(far, [0.3, 0, 0.6, 7.1, 5, 9.2], 1e-12);
+  });
+});
+
+describe("samples that make no set", () => {
+  it("are refused", () => {
+    const [sample] = samplesOf(vectors[0]!);
+    expect(() => new SampleSet([])).toThrow(RangeError);
+    expect(() => new SampleSet([sample!, sample!])).toThrow("share a place");
+  });
+});
+
+describe("gradients on the wire", () => {
+  it("are little-endian floats, nine a coefficient", () => {
+    const bytes = new Uint8Array(new Float32Array(9).fill(0.5).buffer);
+    expect([...unpackGradients(bytes, 3)]).toEqual(Array(9).fill(0.5));
+    expect(() => unpackGradients(bytes, 12)).toThrow("36 bytes");
+  });
+});

@@ -1,0 +1,144 @@
+// Light between samples that have gradients (MATHS §7.8): core/lightwell/gradients/interpolate.py in TypeScript.
+// Within the samples' hull the weights have linear precision and half of each gradient is right; what lies off it is
+// extrapolated by the whole gradient from the nearest point of the hull.
+
+import type { Coefficients, Vector3 } from "../sh.ts";
+import { addChange, addLimited } from "./extrapolate.ts";
+import { dot, inverse, minus, principalAxes, times, type Rows } from "./matrix.ts";
+import { barycentric, triangulate } from "./triangulation.ts";
+
+/** Samples nearer to each other than this share of the set's extent (or than a micrometre) are one place. */
+const SAME = 1e-6;
+/** Samples that leave a line or plane by less than this share of the set's extent lie on it. */
+const THIN = 1e-3;
+
+export interface Sample {
+  /** Metres. */
+  position: Vector3;
+  /** `(bands², 3)`. */
+  coefficients: Coefficients;
+  /** `(bands², 3, 3)` per metre; `null`: it has none. */
+  gradients: Coefficients | null;
+}
+
+/** How much each sample counts at a point, and the step to multiply its gradient with. */
+export interface Mix {
+  weights: number[];
+  steps: Vector3[];
+}
+
+/** Where points lie among samples: simplices of the samples' line, plane or space. */
+export class Places {
+  private readonly origin: Vector3;
+  private readonly axes: Vector3[];
+  private readonly local: Rows;
+  private readonly simplices: { corners: number[]; toShares: Rows }[] = [];
+  private readonly hull: number[][] = [];
+
+  /** Raises `RangeError` where there is no sample, or two share a place. */
+  constructor(readonly positions: readonly Vector3[]) {
+    if (positions.length === 0) throw new RangeError("there is no sample");
+    this.origin = [0, 1, 2].map((k) => positions.reduce((sum, place) => sum + place[k]!, 0) / positions.length) as unknown as Vector3;
+    const spread = positions.map((place) => minus(place, this.origin));
+    const extent = Math.max(...spread.flat().map(Math.abs));
+    positions.forEach((one, i) => {
+      if (positions.slice(0, i).some((other) => Math.hypot(...minus(one, other)) <= Math.max(SAME * extent, 1e-6))) {
+        throw new RangeError("two samples share a place");
+      }
+    });
+    const { axes, lengths } = principalAxes(spread);
+    this.axes = positions.length === 1 ? [] : axes.filter((_, k) => lengths[k]! > THIN * lengths[0]);
+    this.local = spread.map((place) => times(this.axes, place));
+    if (this.axes.length === 0) return;
+    const { simplices, hull } = triangulate(this.local);
+    this.simplices = simplices.map((corners) => ({ corners, toShares: barycentric(corners.map((k) => [...this.local[k]!, 1])) }));
+    this.hull = hull;
+  }
+
+  /** Barycentric weights of the samples at the point of their hull that is nearest to `point`. */
+  locate(point: Vector3): number[] {
+    const weights = this.positions.map(() => 0);
+    if (this.axes.length === 0) return [1];
+    const local = times(this.axes, minus(point, this.origin));
+    let best = { lowest: -Infinity, shares: [] as number[], corners: [] as number[] };
+    for (const { corners, toShares } of this.simplices) {
+      const shares = times(toShares, [...local, 1]);
+      const lowest = Math.min(...shares);
+      if (lowest > best.lowest) best = { lowest, shares, corners };
+    }
+    if (best.lowest < -1e-9) best = { lowest: 0, ...this.nearestOnHull(local) };
+    const shares = best.shares.map((share) => Math.max(share, 0));
+    const total = shares.reduce((sum, share) => sum + share, 0);
+    best.corners.forEach((corner, k) => (weights[corner] = shares[k]! / total));
+    return weights;
+  }
+
+  /** At a point: weights of linear precision, and each sample's step. */
+  mix(point: Vector3): Mix {
+    const weights = this.locate(point);
+    const nearest = [0, 1, 2].map((k) => this.positions.reduce((sum, place, i) => sum + weights[i]! * place[k]!, 0));
+    // Across a thin set the hull is its line or plane.
+    const onHull = this.axes.length === 0 ? this.origin : this.flattened(nearest);
+    const steps = this.positions.map(
+      (place) => place.map((from, k) => point[k]! - from - 0.5 * (onHull[k]! - from)) as unknown as Vector3,
+    );
+    return { weights, steps };
+  }
+
+  private flattened(place: readonly number[]): number[] {
+    const local = times(this.axes, minus(place, this.origin));
+    return this.origin.map((from, k) => from + this.axes.reduce((sum, axis, i) => sum + local[i]! * axis[k]!, 0));
+  }
+
+  /** The facet of the hull, or the edge or corner of one, that is nearest. */
+  private nearestOnHull(local: readonly number[]): { corners: number[]; shares: number[] } {
+    let best = { distance: Infinity, corners: [] as number[], shares: [] as number[] };
+    for (const facet of this.hull) {
+      for (let subset = 1; subset < 1 << facet.length; subset++) {
+        const corners = facet.filter((_, k) => ((subset >> k) & 1) === 1);
+        const [start, ...others] = corners.map((k) => this.local[k]!) as [number[], ...number[][]];
+        const edges = others.map((corner) => minus(corner, start));
+        const toPoint = minus(local, start);
+        const gram = edges.map((one) => edges.map((other) => dot(one, other)));
+        const rest = edges.length === 0 ? [] : times(inverse(gram), edges.map((edge) => dot(edge, toPoint)));
+        const shares = [1 - rest.reduce((sum, share) => sum + share, 0), ...rest];
+        if (shares.some((share) => share < -1e-12)) continue;
+        const foot = start.map((from, k) => from + rest.reduce((sum, share, i) => sum + share * edges[i]![k]!, 0));
+        const distance = Math.hypot(...minus(local, foot));
+        if (distance < best.distance) best = { distance, corners, shares };
+      }
+    }
+    return best;
+  }
+}
+
+/** Samples of light at a few places, and the light between and near them. Gradients count where all samples have them. */
+export class SampleSet {
+  readonly gradients: boolean;
+
+  /** `places`: of an earlier set with the same positions. Raises as `Places`. */
+  constructor(
+    readonly samples: readonly Sample[],
+    readonly places = new Places(samples.map(({ position }) => position)),
+  ) {
+    this.gradients = samples.every(({ gradients }) => gradients !== null);
+  }
+
+  at(point: Vector3): Float64Array {
+    return this.mixed(this.places.mix(point));
+  }
+
+  /** The coefficients `Σ W_k (c_k + G_k·step_k)`, with the step's limit. */
+  mixed({ weights, steps }: Mix): Float64Array {
+    const values = new Float64Array(this.samples[0]!.coefficients.length);
+    const change = new Float64Array(values.length);
+    this.samples.forEach(({ coefficients, gradients }, k) => {
+      const weight = weights[k]!;
+      if (weight === 0) return;
+      for (let i = 0; i < values.length; i++) values[i]! += weight * coefficients[i]!;
+      if (this.gradients) addChange(change, gradients!, steps[k]!, weight);
+    });
+    if (this.gradients) addLimited(values, change);
+    return values;
+  }
+}
