@@ -1,0 +1,168 @@
+"""Scenes for `lightwell.igi` from glTF and GLB files: objects with materials and textures, lamps, cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.geometry.mesh import DEFAULT_ALBEDO
+from lightwell.igi.materials import IgiMaterial
+from lightwell.igi.scene import DirectionalLight, IgiObject, PointLight
+from lightwell.io.gltf import GltfObject, node_places, read_objects
+from lightwell.io.gltf_check import GltfError
+from lightwell.io.gltf_colours import Pictures
+from lightwell.io.gltf_data import GltfData
+from lightwell.io.gltf_lamps import GltfCamera, read_cameras, read_lamps
+from lightwell.io.gltf_materials import Materials
+from lightwell.io.meshes import (
+    MAX_TRIANGLES,
+    Z_UP,
+    MeshError,
+    checked_mesh,
+    mesh_errors,
+    open_gltf,
+    pixels_of,
+    read_mesh_file,
+    unique_title,
+)
+from lightwell.render.camera import Camera
+
+SCENE_SUFFIXES = (".glb", ".gltf")
+Singles = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class GltfScene:
+    """What a file shows, in world axes (+Z up), metres."""
+
+    name: str
+    """Of the file."""
+    objects: tuple[IgiObject, ...]
+    """One for each use of a primitive."""
+    lamps: tuple[PointLight | DirectionalLight, ...]
+    """Punctual lights; emissive surfaces are among the objects."""
+    cameras: tuple[GltfCamera, ...]
+    """In the order of the file's nodes."""
+    remarks: tuple[str, ...]
+    """What of the file a picture will not show."""
+
+    def camera(self, name: str | None = None) -> Camera:
+        """Return the camera of a name, or else the first one.
+
+        Raises
+        ------
+        MeshError
+            Where there is none.
+        """
+        if not self.cameras:
+            raise MeshError(f"{self.name}: has no camera; give [camera] position, or export it with one")
+        found = self.cameras[0] if name is None else next((one for one in self.cameras if one.name == name), None)
+        if found is None:
+            names = ", ".join(repr(one.name) for one in self.cameras[:20])
+            raise MeshError(f"{self.name}: has no camera {name!r}; it has {names}")
+        if found.camera is None:
+            raise MeshError(f"{self.name}: camera {found.name!r} has no perspective; name another, or give its place")
+        return found.camera
+
+
+def load_gltf_scene(path: str | Path, max_triangles: int = MAX_TRIANGLES) -> GltfScene:
+    """Read a scene; files that it names are read from its folder and those below it.
+
+    Textures are sampled where surfaces are seen, with the wrap modes of their samplers; colours of vertices multiply
+    the base colour. Metallic-roughness becomes `IgiMaterial`'s matte part and Phong lobe. A light without end is not
+    cut off at its ``range``, and occlusion maps are left out, since occlusion is computed. Skins and morph targets are
+    taken at rest; tangents are those of the file, or follow from texture coordinates.
+
+    Raises
+    ------
+    MeshError
+        Whatever is wrong: names the file, what it is, and what would help.
+    """
+    path = Path(path)
+    return read_gltf_scene(read_mesh_file(path), path.name, path.parent, max_triangles)
+
+
+def read_gltf_scene(
+    data: bytes, name: str, folder: Path | None = None, max_triangles: int = MAX_TRIANGLES
+) -> GltfScene:
+    """Read a scene of a file's bytes; without ``folder`` it must hold everything itself. Raises `MeshError`."""
+    suffix = PurePosixPath(name).suffix.lower()
+    if suffix not in SCENE_SUFFIXES:
+        raise MeshError(f"{name}: has the type {suffix or '(none)'}; scenes are read from {', '.join(SCENE_SUFFIXES)}")
+    if not data:
+        raise MeshError(f"{name}: is empty")
+    with mesh_errors(name):
+        document, data_of = open_gltf(data, name, folder, max_triangles)
+        places = node_places(document)
+        materials = Materials(document, Pictures(document, data_of, pixels_of, _unused))
+        taken: set[str] = set()
+        objects = tuple(
+            _object(name, one, unique_title(one.name, taken), materials, data_of)
+            for one in read_objects(document, data_of, None)
+            if len(one.triangles)
+        )
+        lamps = tuple(read_lamps(document, places, Z_UP))
+        cameras = tuple(read_cameras(document, places, Z_UP))
+    if not (objects or lamps or cameras):
+        raise MeshError(f"{name}: holds no triangles, lamps or cameras; export the scene, not points or lines")
+    return GltfScene(name, objects, lamps, cameras, tuple(dict.fromkeys(materials.remarks)))
+
+
+def _unused(pixels: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    raise AssertionError("textures are sampled where surfaces are seen")
+
+
+def _object(file: str, one: GltfObject, title: str, materials: Materials, data: GltfData) -> IgiObject:
+    normals = None if one.normals is None else one.normals @ Z_UP.T
+    # White is glTF's default; that of a surface without any material is a light paint, as everywhere in Lightwell.
+    default = 1.0 if "material" in one.primitive else DEFAULT_ALBEDO
+    albedo = default if one.colours is None else one.colours
+    mesh = checked_mesh(file, title, one.positions @ Z_UP.T, one.triangles, normals, albedo)
+    material = materials.material(one.primitive)
+    attributes = one.primitive["attributes"]
+    count = len(mesh.positions)
+    try:
+        return IgiObject(mesh, material, _uv(material, attributes, count, data, title), _tangents(one, count, data))
+    except GltfError:
+        raise
+    except ValueError as error:
+        raise GltfError(f"{error}; export it again") from None
+
+
+def _uv(
+    material: IgiMaterial, attributes: Mapping[str, Any], count: int, data: GltfData, title: str
+) -> tuple[Singles, ...]:
+    """Return the sets of texture coordinates that textures go by; those that none goes by are zero."""
+    used = {texture.uv_set for texture in material.textures}
+    sets: list[Singles] = []
+    for number in range(max(used, default=-1) + 1):
+        name = f"TEXCOORD_{number}"
+        if number not in used:
+            sets.append(np.zeros((count, 2), np.float32))
+        elif name in attributes:
+            sets.append(data.numbers(attributes[name], 2).astype(np.float32))
+        else:
+            raise GltfError(
+                f"object {title!r} has a texture but no texture coordinates {number}; unwrap it and export it again"
+            )
+    return tuple(sets)
+
+
+def _tangents(one: GltfObject, count: int, data: GltfData) -> Singles | None:
+    """Return the file's tangents, turned as the surface is, ``(V, 4)``; None where it has none."""
+    index = one.primitive["attributes"].get("TANGENT")
+    if index is None:
+        return None
+    given = data.numbers(index, 4)
+    if len(given) != count:
+        raise GltfError(f"has {count} vertices and {len(given)} tangents; export it again")
+    turned = given[:, :3] @ one.turn.T if one.turn.ndim == 2 else np.einsum("vij,vj->vi", one.turn, given[:, :3])
+    side = np.where(given[:, 3:] < 0, -1.0, 1.0) * (-1 if one.mirrored else 1)
+    turned = np.nan_to_num(turned @ Z_UP.T, nan=0.0, posinf=0.0, neginf=0.0)
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    return np.concatenate([turned / np.where(length > 0, length, 1.0), side], axis=1).astype(np.float32)

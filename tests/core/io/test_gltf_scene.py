@@ -1,0 +1,302 @@
+"""Scenes from glTF: materials, textures, lamps and cameras of files that were put together by hand."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from tests.support.gltf_files import File
+
+from lightwell.igi import DirectionalLight, IgiScene, PointLight
+from lightwell.igi.surfaces import Surfaces
+from lightwell.io.gltf_scene import GltfScene, load_gltf_scene, read_gltf_scene
+from lightwell.io.meshes import MeshError
+
+SQUARE = [[0, 0, 0], [1, 0, 0], [1, 0, -1], [0, 0, -1]]
+"""A floor, +Y up in the file; (x, y) in the world's axes are (x, −z)."""
+UV = [[0, 1], [1, 1], [1, 0], [0, 0]]
+TRIANGLES = [0, 1, 2, 0, 2, 3]
+QUARTER = [0, 0.70710678, 0, 0.70710678]
+"""A quarter turn about the file's +Y, the world's +Z."""
+
+
+def png(pixels: Any) -> bytes:
+    body = io.BytesIO()
+    Image.fromarray(np.asarray(pixels, np.uint8)).save(body, "PNG")
+    return body.getvalue()
+
+
+def floor(material: dict[str, Any] | None = None, pictures: tuple[Any, ...] = (), **attributes: Any) -> File:
+    """A square with texture coordinates and textures by number."""
+    file = File()
+    found = {"POSITION": file.add(SQUARE), "TEXCOORD_0": file.add(UV)} | {
+        name: file.add(rows) for name, rows in attributes.items()
+    }
+    primitive: dict[str, Any] = {"attributes": found, "indices": file.add(TRIANGLES, "<u2")}
+    if material is not None:
+        primitive["material"] = 0
+        file.document["materials"] = [material]
+    if pictures:
+        file.document["images"] = [
+            {"bufferView": file.view(png(one)), "mimeType": "image/png"} if not isinstance(one, dict) else one
+            for one in pictures
+        ]
+        file.document["textures"] = [{"source": number} for number in range(len(pictures))]
+    return file.mesh(primitive, name="floor")
+
+
+def read(file: File) -> GltfScene:
+    return read_gltf_scene(file.glb(), "t.glb")
+
+
+def at(scene: GltfScene, x: float, y: float) -> Any:
+    """What is seen from above at a place of the floor."""
+    surfaces = Surfaces(IgiScene(scene.objects))
+    eye, down = np.array([[x, y, 1]], np.float32), np.array([[0, 0, -1]], np.float32)
+    hits = surfaces.rays.intersect(eye, down)
+    assert hits.triangle[0] >= 0
+    return surfaces.at(hits.triangle, hits.barycentric, down)
+
+
+def test_metallic_roughness_with_textures() -> None:
+    base = [[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [188, 188, 188]]]
+    both = np.full((1, 1, 3), [0, 128, 51], np.uint8)
+    material = {
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [0.5, 0.5, 0.5, 1],
+            "baseColorTexture": {"index": 0},
+            "metallicRoughnessTexture": {"index": 1},
+            "roughnessFactor": 0.9,
+        },
+        "emissiveFactor": [0.1, 0.2, 0.4],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 10}},
+        "doubleSided": True,
+    }
+    file = floor(material, (base, both), COLOR_0=[[1, 0.8, 0.6]] * 4)
+    scene = read(file)
+    (item,) = scene.objects
+    assert (item.mesh.name, item.material.two_sided) == ("floor", True)
+    assert item.material.emission == pytest.approx((1, 2, 4))
+    # v runs down: the picture's first row is at the floor's far edge.
+    for (x, y), colour in {(0.25, 0.75): (1, 0, 0), (0.75, 0.75): (0, 1, 0), (0.25, 0.25): (0, 0, 1)}.items():
+        point = at(scene, x, y)
+        expected = 0.5 * np.array([1, 0.8, 0.6]) * colour
+        np.testing.assert_allclose(point.kd[0], expected * 0.8 * 0.96, atol=1e-5)  # a fifth is metal
+        np.testing.assert_allclose(point.ks[0], 0.04 * 0.8 + 0.2 * expected, atol=1e-5)
+    grey = at(scene, 0.75, 0.25).kd[0] / (0.5 * np.array([1, 0.8, 0.6]) * 0.8 * 0.96)
+    np.testing.assert_allclose(grey, ((188 / 255 + 0.055) / 1.055) ** 2.4, rtol=1e-5)
+    alpha = (0.9 * 128 / 255) ** 2
+    np.testing.assert_allclose(at(scene, 0.5, 0.5).exponent, (1 / alpha**2 - 1) / 2, rtol=1e-4)
+    np.testing.assert_allclose(at(scene, 0.5, 0.5).geometric[0], [0, 0, 1])
+
+
+def test_defaults_are_those_of_the_format() -> None:
+    plain, metal = read(floor()).objects[0], read(floor({})).objects[0]
+    assert plain.material.metallic == 0
+    np.testing.assert_allclose(plain.mesh.albedo, 0.8)
+    assert (metal.material.metallic, metal.material.roughness, metal.material.emits) == (1, 1, False)
+    np.testing.assert_allclose(metal.mesh.albedo, 1)
+    glass = read(
+        floor({"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": {"KHR_materials_ior": {"ior": 2}}})
+    )
+    assert glass.objects[0].material.specular == pytest.approx(1 / 9)
+
+
+def test_samplers_and_transforms() -> None:
+    picture = [[[255, 255, 255], [0, 0, 0]]]
+    material: dict[str, Any] = {
+        "pbrMetallicRoughness": {
+            "metallicFactor": 0,
+            "baseColorTexture": {
+                "index": 0,
+                "extensions": {"KHR_texture_transform": {"scale": [2, 1], "rotation": np.pi / 2, "offset": [0, 0.5]}},
+            },
+        },
+        "emissiveFactor": [1, 1, 1],
+        "emissiveTexture": {"index": 1, "texCoord": 1},
+    }
+    file = floor(material, (picture, picture), TEXCOORD_1=np.array(UV) * 3 - 1)
+    file.document["samplers"] = [{"wrapS": 33648, "wrapT": 33071}]
+    file.document["textures"][1]["sampler"] = 0
+    (item,) = read(file).objects
+    base, emission = item.material.base_texture, item.material.emission_texture
+    assert base is not None
+    assert emission is not None
+    assert (base.wrap, base.uv_set) == (("repeat", "repeat"), 0)
+    assert (emission.wrap, emission.uv_set, len(item.uv)) == (("mirror", "clamp"), 1, 2)
+    # As the specification's shader has it: translation · rotation · scale.
+    c, s = np.cos(np.pi / 2), np.sin(np.pi / 2)
+    matrix = np.array([[1, 0, 0], [0, 1, 0.5]]) @ [[c, s, 0], [-s, c, 0], [0, 0, 1]] @ np.diag([2, 1, 1])
+    assert base.transform is not None
+    np.testing.assert_allclose(base.transform, matrix, atol=1e-12)
+    # (u, v) = (−1 … 2): mirrored, then as it is, then mirrored.
+    light = [float(at(read(file), x, 0.5).emission[0, 0]) for x in (1 / 12, 3 / 12, 5 / 12, 7 / 12, 9 / 12, 11 / 12)]
+    np.testing.assert_allclose(light, [0, 1, 1, 0, 0, 1], atol=1e-4)
+
+
+def test_normal_maps_lean_along_tangents_also_in_mirror_images() -> None:
+    leaning = np.full((1, 1, 3), [218, 128, 218], np.uint8)  # 45° along +u
+    material = {"normalTexture": {"index": 0, "scale": 1.0}}
+    tangent = [[1, 0, 0, 1]] * 4  # along u, which is the file's +x; v runs towards the viewer
+    for extra in ({}, {"TANGENT": tangent}):
+        file = floor(material, (leaning,), **extra)
+        np.testing.assert_allclose(at(read(file), 0.5, 0.5).shading[0], [0.707, 0, 0.707], atol=6e-3)
+        file.document["nodes"][0] |= {"rotation": QUARTER}
+        np.testing.assert_allclose(at(read(file), -0.5, 0.5).shading[0], [0, 0.707, 0.707], atol=6e-3)
+    up = np.full((1, 1, 3), [128, 218, 218], np.uint8)  # 45° along the picture's upwards
+    for extra in ({}, {"TANGENT": tangent}):
+        file = floor(material, (up,), **extra)
+        np.testing.assert_allclose(at(read(file), 0.5, 0.5).shading[0], [0, 0.707, 0.707], atol=6e-3)
+        file.document["nodes"][0] |= {"scale": [-1, 1, 1]}
+        np.testing.assert_allclose(at(read(file), -0.5, 0.5).shading[0], [0, 0.707, 0.707], atol=6e-3)
+
+
+def test_instances_share_a_material_and_stand_where_their_nodes_put_them() -> None:
+    file = floor({"name": "paint"})
+    file.document["nodes"] = [{"mesh": 0}, {"mesh": 0, "translation": [0, 2, 0], "scale": [2, 1, 2]}]
+    file.document["scenes"] = [{"nodes": [0, 1]}]
+    one, other = read(file).objects
+    assert one.material is other.material
+    assert (one.mesh.name, other.mesh.name) == ("floor", "floor 2")
+    np.testing.assert_allclose(other.mesh.positions, [[0, 0, 2], [2, 0, 2], [2, 2, 2], [0, 2, 2]], atol=1e-6)
+
+
+def lit(*lights: dict[str, Any], nodes: list[dict[str, Any]] | None = None) -> File:
+    file = floor()
+    file.document["extensions"] = {"KHR_lights_punctual": {"lights": list(lights)}}
+    for number in range(len(lights)):
+        more = {} if nodes is None else nodes[number]
+        file.document["nodes"].append({"extensions": {"KHR_lights_punctual": {"light": number}}} | more)
+        file.document["scenes"][0]["nodes"].append(number + 1)
+    return file
+
+
+def test_lamps() -> None:
+    down = [-0.70710678, 0, 0, 0.70710678]
+    file = lit(
+        {"type": "point", "intensity": 5, "color": [1, 0.5, 0.2], "range": 3},
+        {"type": "spot", "spot": {"innerConeAngle": 0.2, "outerConeAngle": 1.5707964}},
+        {"type": "directional", "intensity": 2},
+        nodes=[{"translation": [1, 2, 3], "scale": [9, 9, 9]}, {"rotation": down}, {"rotation": QUARTER}],
+    )
+    point, spot, sun = read(file).lamps
+    assert isinstance(point, PointLight)
+    assert (point.position, point.direction) == ((1, -3, 2), None)
+    assert point.intensity == pytest.approx((5, 2.5, 1))
+    assert isinstance(spot, PointLight)
+    assert spot.direction == pytest.approx((0, 0, -1), abs=1e-6)
+    assert (spot.inner_angle, spot.outer_angle, spot.intensity) == (0.2, np.pi / 2, (1, 1, 1))
+    assert isinstance(sun, DirectionalLight)
+    # −Z turned by a quarter about +Y is −X in the file: the light comes from +X.
+    assert sun.towards == pytest.approx((1, 0, 0), abs=1e-6)
+    assert sun.irradiance == (2, 2, 2)
+
+
+def test_cameras_by_name() -> None:
+    file = floor()
+    file.document["cameras"] = [
+        {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0.1, "zfar": 9}},
+    ]
+    file.document["nodes"] += [
+        {"camera": 0, "name": "door", "translation": [0, 1, 5]},
+        {"camera": 1, "name": "plan"},
+        {"camera": 0, "name": "side", "rotation": QUARTER},
+    ]
+    file.document["scenes"][0]["nodes"] += [1, 2, 3]
+    scene = read(file)
+    for camera in (scene.camera(), scene.camera("door")):
+        assert camera.position == pytest.approx((0, -5, 1))
+        assert camera.target == pytest.approx((0, -4, 1))
+        assert camera.up == pytest.approx((0, 0, 1))
+        assert camera.fov_degrees == pytest.approx(np.degrees(1))
+    assert scene.camera("side").target == pytest.approx((-1, 0, 0), abs=1e-6)
+    with pytest.raises(MeshError, match=r"t\.glb: camera 'plan' has no perspective; name another"):
+        scene.camera("plan")
+    with pytest.raises(MeshError, match=r"has no camera 'roof'; it has 'door', 'plan', 'side'"):
+        scene.camera("roof")
+    with pytest.raises(MeshError, match=r"t\.glb: has no camera; give \[camera\] position"):
+        read(floor()).camera()
+
+
+def test_files_beside_are_read_and_missing_ones_are_named(tmp_path: Path) -> None:
+    file = floor({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, ({"uri": "pictures/my%20wood.png"},))
+    (tmp_path / "scene.glb").write_bytes(file.glb())
+    message = r"scene\.glb: names the file 'pictures/my wood\.png', which is missing or too large; put it beside"
+    with pytest.raises(MeshError, match=message):
+        load_gltf_scene(tmp_path / "scene.glb")
+    (tmp_path / "pictures").mkdir()
+    place = tmp_path / "pictures" / "my wood.png"
+    place.write_bytes(b"\xabKTX 20\xbb")
+    with pytest.raises(MeshError, match=r"material 0 has a picture of a type that is not read; export it with PNG"):
+        load_gltf_scene(tmp_path / "scene.glb")
+    place.write_bytes(png(np.zeros((2, 2, 3))))
+    assert load_gltf_scene(tmp_path / "scene.glb").objects[0].material.base_texture is not None
+    place.write_bytes(png(np.zeros((64, 64, 3)))[:60])
+    with pytest.raises(MeshError, match=r"scene\.glb: "):
+        load_gltf_scene(tmp_path / "scene.glb")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d["materials"].clear(), "cannot be read .IndexError"),
+        (lambda d: d["materials"][0].update(pbrMetallicRoughness={"roughnessFactor": 3}), "roughnessFactor 3, which"),
+        (lambda d: d["materials"][0].update(emissiveFactor=[-1, 0, 0]), "emission = .*must be finite and not neg"),
+        (
+            lambda d: d["meshes"][0]["primitives"][0]["attributes"].pop("TEXCOORD_0"),
+            "object 'floor' has a texture but no texture coordinates 0; unwrap it",
+        ),
+        (lambda d: d["textures"][0].update(sampler=0), "cannot be read .*export it again"),
+        (lambda d: d["extensions"]["KHR_lights_punctual"]["lights"][0].update(type="laser"), "lamp 0 has the type"),
+        (
+            lambda d: d["extensions"]["KHR_lights_punctual"]["lights"][0].update(
+                type="spot", spot={"innerConeAngle": 1, "outerConeAngle": 0.5}
+            ),
+            "lamp 0: the spot's angles 1 and 0.5 must rise",
+        ),
+        (lambda d: d["nodes"][1].update(scale=[1, 1, 0]), "points nowhere"),
+        (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "Draco compression"),
+    ],
+)
+def test_mistakes(change: Any, message: str) -> None:
+    file = lit({"type": "directional"})
+    file.document |= {
+        k: v
+        for k, v in floor({"normalTexture": {"index": 0}}, (np.zeros((1, 1, 3)),)).document.items()
+        if k in ("textures", "materials")
+    }
+    file.document["images"] = [{"bufferView": file.view(png(np.zeros((1, 1, 3))))}]
+    file.document["meshes"][0]["primitives"][0]["material"] = 0
+    assert len(read(file).objects) == 1
+    file.document = json.loads(json.dumps(file.document))
+    change(file.document)
+    with pytest.raises(MeshError, match=rf"t\.glb: .*{message}"):
+        read(file)
+
+
+def test_what_will_not_be_seen_is_said() -> None:
+    glass = {"name": "glass", "alphaMode": "BLEND", "extensions": {"KHR_materials_transmission": {}}}
+    assert read(floor(glass)).remarks == (
+        "material 'glass': has holes or is translucent (BLEND); it is drawn opaque",
+        "material 'glass': has KHR_materials_transmission; it is drawn opaque",
+    )
+
+
+def test_files_that_are_no_scenes(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match=r"a\.ply: has the type \.ply; scenes are read from \.glb, \.gltf"):
+        read_gltf_scene(b"ply", "a.ply")
+    with pytest.raises(MeshError, match=r"a\.glb: is empty"):
+        read_gltf_scene(b"", "a.glb")
+    with pytest.raises(MeshError, match=r"holds no triangles, lamps or cameras"):
+        read_gltf_scene(b'{"asset": {"version": "2.0"}}', "a.gltf")
+    with pytest.raises(MeshError, match=r"none\.glb: cannot be read: No such file"):
+        load_gltf_scene(tmp_path / "none.glb")
+    whole = floor({}).glb()
+    with pytest.raises(MeshError, match=r"t\.glb: .*cut short"):
+        read_gltf_scene(whole[: len(whole) // 2], "t.glb")
