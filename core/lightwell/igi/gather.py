@@ -22,6 +22,9 @@ from lightwell.sh.basis import RECURRENCE_A, RECURRENCE_AB, SECTORAL_RATIO, Y00
 
 BLOCK_SIDE = 16
 """Pixels of one set along each side of a block; the results do not depend on it."""
+MOST_PIXELS = 592
+"""Room for those of a block, whose sides may be half as long again; no power of two, so that rows do not fall on each
+other in the cache."""
 LIGHTS_AT_ONCE = 64
 """16,384 rays a batch: with what else is needed they stay in the cache."""
 
@@ -111,10 +114,11 @@ class Gatherer:
         for which, rows, columns in self._blocks(height, width, corner):
             if check is not None:
                 check()
-            mask = seen[rows, columns]
-            if mask.any():
-                sums = self._block(which, places[rows, columns][mask], normals[rows, columns][mask], room)
-                out[rows, columns][mask] = np.moveaxis(sums.values, 3, 0)
+            inside = np.nonzero(seen[rows, columns])
+            chosen = inside[0] * rows.step + rows.start, inside[1] * columns.step + columns.start
+            if len(chosen[0]):
+                sums = self._block(which, places[chosen], normals[chosen], room)
+                kernels.store(sums.values, chosen[0], chosen[1], out)
                 clamped, rays = clamped + sums.clamped, rays + sums.rays
         return Gathered(out, float(out[..., 0, :].sum(dtype=np.float64) / Y00), clamped, rays)
 
@@ -141,8 +145,8 @@ class Gatherer:
         values = np.zeros((room.groups, self._bands**2, 3, count), self._dtype)
         clamped, rays = 0.0, 0
         basis, scratch = np.empty((self._bands**2, count), self._dtype), np.empty((4, count), self._dtype)
-        for group, first, last in _batches(start, middle, stop, room.groups):
-            units, weight, excess = room.views(last - first, count)
+        for first in range(start, stop, LIGHTS_AT_ONCE):
+            last = min(first + LIGHTS_AT_ONCE, stop)
             kernels.look_at_lights(
                 pixels,
                 lights.kind,
@@ -152,9 +156,8 @@ class Gatherer:
                 lights.falloff,
                 first,
                 last,
-                units,
-                weight,
-                excess,
+                room.sight,
+                scratch,
             )
             used = kernels.shadow_rays(
                 pixels,
@@ -163,35 +166,39 @@ class Gatherer:
                 lights.normal,
                 first,
                 last,
-                weight,
+                room.sight,
                 room.origins,
                 room.directions,
                 room.ends,
                 room.index,
             )
             blocked = self._rays.occluded(room.origins[:used], room.directions[:used], room.ends[:used])
-            kernels.darken(blocked, used, room.index, weight.reshape(-1), excess.reshape(-1))
-            clamped += kernels.add_lights(
-                units,
-                weight,
-                excess,
-                lights.kind,
-                lights.flux,
-                lights.least,
-                lights.row,
-                lights.table,
-                first,
-                last,
-                self._bands,
-                a,
-                ab,
-                diagonal,
-                lowest,
-                basis,
-                scratch,
-                values[group],
-            )
+            kernels.darken(blocked, used, room.index, count, room.sight)
             rays += used
+            split = min(max(middle, first), last) if room.groups == 2 else last
+            for group, begin, end in ((0, first, split), (1, split, last)):
+                if begin == end:
+                    continue
+                clamped += kernels.add_lights(
+                    room.sight,
+                    begin - first,
+                    count,
+                    lights.kind,
+                    lights.flux,
+                    lights.least,
+                    lights.row,
+                    lights.table,
+                    begin,
+                    end,
+                    self._bands,
+                    a,
+                    ab,
+                    diagonal,
+                    lowest,
+                    basis,
+                    scratch,
+                    values[group],
+                )
         return _BlockSums(values, clamped, rays)
 
 
@@ -206,32 +213,17 @@ class _Room:
     """Memory of one thread."""
 
     def __init__(self, dtype: np.dtype[Any], groups: int) -> None:
-        most = (2 * BLOCK_SIDE) ** 2 * LIGHTS_AT_ONCE
+        most = MOST_PIXELS * LIGHTS_AT_ONCE
         self.groups = groups
         self.origins = np.empty((most, 3), np.float32)
         self.directions = np.empty((most, 3), np.float32)
         self.ends = np.empty(most, np.float32)
         self.index = np.empty(most, np.int32)
-        self._floats = np.empty(5 * most, dtype)
-
-    def views(self, lights: int, pixels: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Return units (J, 3, P), weight (J, P) and excess (J, P)."""
-        size = lights * pixels
-        units = self._floats[: 3 * size].reshape(lights, 3, pixels)
-        weight = self._floats[3 * size : 4 * size].reshape(lights, pixels)
-        return units, weight, self._floats[4 * size : 5 * size].reshape(lights, pixels)
+        self.sight = np.empty((LIGHTS_AT_ONCE, 5, MOST_PIXELS), dtype)
 
 
 def _runs(length: int, step: int) -> list[slice]:
-    """Return parts of about `BLOCK_SIDE` steps, which cover a length."""
+    """Return parts of about `BLOCK_SIDE` steps, at most half as many more, which cover a length."""
     count = max(1, round(length / (step * BLOCK_SIDE)))
     edges = [round(k * (length / step) / count) * step for k in range(count)] + [length]
     return [slice(a, b) for a, b in pairwise(edges) if b > a]
-
-
-def _batches(start: int, middle: int, stop: int, groups: int) -> Iterator[tuple[int, int, int]]:
-    """Yield group, first and last of the lights of a set, batch by batch."""
-    spans = [(0, start, middle), (1, middle, stop)] if groups == 2 else [(0, start, stop)]
-    for group, begin, end in spans:
-        for first in range(begin, end, LIGHTS_AT_ONCE):
-            yield group, first, min(first + LIGHTS_AT_ONCE, end)

@@ -1,8 +1,9 @@
 """Kernels of gathering (numba, one thread, without the GIL).
 
-Shapes: P pixels of a block, J lights of a batch, M ≤ PJ rays. Rows of pixels are innermost, so that loops over them
-become vector instructions. Each pixel's numbers depend on that pixel and the order of the lights alone: no flag lets
-the compiler reorder or fuse anything, so that blocks may be cut in any way and give the same bits.
+Shapes: P pixels of a block, J lights of a batch, M ≤ PJ rays. Rows of pixels are innermost, so that loops over
+them become vector instructions. Each pixel's numbers depend on that pixel and the order of the lights alone: no flag
+lets the compiler reorder or fuse anything, so that blocks may be cut in any way and give the same bits. (NumPy's error
+model is Python's without the test of each divisor, which would keep loops from becoming vector instructions.)
 """
 
 from __future__ import annotations
@@ -15,60 +16,77 @@ from lightwell.igi.lights import BOUNDARY, DIRECTIONAL, POINT, SURFACE
 _SURFACE, _POINT, _DIRECTIONAL, _BOUNDARY = SURFACE, POINT, DIRECTIONAL, BOUNDARY
 
 
-@njit(cache=True, nogil=True)
-def look_at_lights(pixels, kind, position, normal, least, falloff, first, last, units, weight, excess):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def look_at_lights(pixels, kind, position, normal, least, falloff, first, last, sight, scratch):  # type: ignore[no-untyped-def]
     """Write what each pixel gets of each unit of flux, were there nothing between, and where it comes from.
 
     ``pixels`` (6, P): x, y, z of the lifted places and of the geometric normals; arrays of lights as in
-    `lightwell.igi.lights.VirtualLights`, positions and normals (3, N), falloff (2, N). Out: ``units`` (J, 3, P) unit
-    vectors towards lights ``first`` … ``last − 1``, ``weight`` (J, P), 0 where the light is below the pixel's horizon
-    or looks away; ``excess`` (J, P): what the clamp takes off it. All of the dtype of ``pixels``.
+    `lightwell.igi.lights.VirtualLights`, positions and normals (3, N), falloff (2, N). Out: ``sight`` (J, 5, ≥ P) for
+    lights ``first`` … ``last − 1``: x, y and z of the unit vector towards the light; weight, 0 where the light is below
+    the pixel's horizon or looks away; what the clamp takes off the weight. ``scratch`` (≥ 2, P). All of one dtype.
 
     MATHS §10 clamps r². What makes a bright spot is ``cosθ cosα / r²``, and in a corner, where lights are near, the
     cosines are small: bounding that takes less away for the same noise.
+
+    Loops are short because the compiler tests at run time that the rows of a loop do not overlap, and gives vector
+    instructions up where there are many.
     """
     count = pixels.shape[1]
     zero = pixels.dtype.type(0)
     one = pixels.dtype.type(1)
     inverse_pi = pixels.dtype.type(1 / np.pi)
     tiny = pixels.dtype.type(1e-30)
-    px, py, pz, nx, ny, nz = pixels[0], pixels[1], pixels[2], pixels[3], pixels[4], pixels[5]
+    nx, ny, nz = pixels[3], pixels[4], pixels[5]
+    square, above = scratch[0], scratch[1]
     for j in range(first, last):
-        ux, uy, uz = units[j - first, 0], units[j - first, 1], units[j - first, 2]
-        w, more = weight[j - first], excess[j - first]
+        seen = sight[j - first]
+        x, y, z, w, excess = seen[0, :count], seen[1, :count], seen[2, :count], seen[3, :count], seen[4, :count]
         ax, ay, az = normal[0, j], normal[1, j], normal[2, j]
         if kind[j] == _DIRECTIONAL:
+            x[:], y[:], z[:] = ax, ay, az
+            excess[:] = zero
             for p in range(count):
-                ux[p], uy[p], uz[p] = ax, ay, az
                 w[p] = one if nx[p] * ax + ny[p] * ay + nz[p] * az > zero else zero
-                more[p] = zero
             continue
-        lx, ly, lz, smallest = position[0, j], position[1, j], position[2, j], least[j]
-        a, b = falloff[0, j], falloff[1, j]
-        factor = inverse_pi if kind[j] == _SURFACE else one
-        is_point = kind[j] == _POINT
+        for axis in range(3):
+            target, own, place = seen[axis, :count], pixels[axis], position[axis, j]
+            for p in range(count):
+                target[p] = place - own[p]
         for p in range(count):
-            dx, dy, dz = lx - px[p], ly - py[p], lz - pz[p]
-            square = max(dx * dx + dy * dy + dz * dz, tiny)
-            scale = one / np.sqrt(square)
-            x, y, z = dx * scale, dy * scale, dz * scale
-            ux[p], uy[p], uz[p] = x, y, z
-            away = -(ax * x + ay * y + az * z)
-            if is_point:
-                shine = min(max(a * away + b, zero), one)
-                shine *= shine
-            else:
-                shine = max(away, zero) * factor
-            above = nx[p] * x + ny[p] * y + nz[p] * z
-            if above <= zero:
-                shine = zero
-            full = shine / square
-            w[p] = shine / max(square, smallest * shine * above / factor)
-            more[p] = full - w[p]
+            square[p] = x[p] * x[p] + y[p] * y[p] + z[p] * z[p]
+        for p in range(count):
+            square[p] = max(square[p], tiny)
+        for p in range(count):
+            w[p] = one / np.sqrt(square[p])
+        for axis in range(3):
+            target = seen[axis, :count]
+            for p in range(count):
+                target[p] *= w[p]
+        for p in range(count):
+            above[p] = nx[p] * x[p] + ny[p] * y[p] + nz[p] * z[p]
+        for p in range(count):
+            w[p] = -(ax * x[p] + ay * y[p] + az * z[p])
+        if kind[j] == _POINT:
+            a, b = falloff[0, j], falloff[1, j]
+            for p in range(count):
+                share = min(max(a * w[p] + b, zero), one)
+                w[p] = share * share / square[p] if above[p] > zero else zero
+            excess[:] = zero
+            continue
+        factor, smallest = (inverse_pi if kind[j] == _SURFACE else one), least[j]
+        for p in range(count):
+            w[p] = max(w[p], zero) * factor if above[p] > zero else zero
+        # Where w is zero, what stands below the line does not matter.
+        scale = smallest / factor
+        for p in range(count):
+            bound = scale * w[p] * above[p]
+            kept = w[p] / max(square[p], bound)
+            excess[p] = w[p] / square[p] - kept
+            w[p] = kept
 
 
 @njit(cache=True, nogil=True)
-def shadow_rays(pixels, kind, position, normal, first, last, weight, origins, directions, ends, index):  # type: ignore[no-untyped-def]
+def shadow_rays(pixels, kind, position, normal, first, last, sight, origins, directions, ends, index):  # type: ignore[no-untyped-def]
     """Write a ray for every weight that is not zero; return their number M.
 
     Out: ``origins, directions`` (≥ PJ, 3), ``ends`` (≥ PJ) float32; ``index`` (≥ PJ) int32: j P + p.
@@ -76,10 +94,10 @@ def shadow_rays(pixels, kind, position, normal, first, last, weight, origins, di
     count = pixels.shape[1]
     used = 0
     for j in range(first, last):
-        row = weight[j - first]
+        weight = sight[j - first, 3]
         far = kind[j] == _DIRECTIONAL
         for p in range(count):
-            if row[p] > 0:
+            if weight[p] > 0:
                 x, y, z = pixels[0, p], pixels[1, p], pixels[2, p]
                 origins[used, 0], origins[used, 1], origins[used, 2] = x, y, z
                 if far:
@@ -100,15 +118,16 @@ def shadow_rays(pixels, kind, position, normal, first, last, weight, origins, di
 
 
 @njit(cache=True, nogil=True)
-def darken(blocked, used, index, weight, excess):  # type: ignore[no-untyped-def]
-    """Set the weights whose rays are ``blocked`` (M,) to zero; ``weight`` and ``excess`` (J P,) flat."""
+def darken(blocked, used, index, count, sight):  # type: ignore[no-untyped-def]
+    """Set the weights whose rays are ``blocked`` (M,) to zero, and what the clamp takes off them."""
     for r in range(used):
         if blocked[r]:
-            weight[index[r]] = 0
-            excess[index[r]] = 0
+            j, p = index[r] // count, index[r] % count
+            sight[j, 3, p] = 0
+            sight[j, 4, p] = 0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def basis_rows(x, y, z, bands, a, ab, diagonal, lowest, out, scratch):  # type: ignore[no-untyped-def]
     """Write the SH basis at P unit vectors to ``out`` (bands², P): the recurrence of `lightwell.sh.basis`.
 
@@ -152,11 +171,11 @@ def basis_rows(x, y, z, bands, a, ab, diagonal, lowest, out, scratch):  # type: 
                     left[p] = now[p] * sine[p]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def add_lights(  # type: ignore[no-untyped-def]
-    units,
-    weight,
-    excess,
+    sight,
+    offset,
+    count,
     kind,
     flux,
     least,
@@ -175,15 +194,16 @@ def add_lights(  # type: ignore[no-untyped-def]
 ):
     """Add ``Φ Y(ω)`` of lights ``first`` … ``last − 1`` to ``sums`` (bands², 3, P); return what the clamp took.
 
-    ``flux`` (3, N); ``table`` (K, bands'², 3) coefficients of boundary lights; ``basis`` (bands², P) and ``scratch``
-    are room. What is returned is summed over pixels and channels.
+    ``sight`` (J, 5, ≥ P) as `look_at_lights` writes it, light ``first`` at ``offset``; ``flux`` (3, N); ``table``
+    (K, bands'², 3) coefficients of boundary lights; ``basis`` (bands², P) and ``scratch`` are room. What is returned is
+    summed over pixels and channels.
     """
-    count = weight.shape[1]
     zero = lowest.dtype.type(0)
-    lost = 0.0
-    shine = np.empty((3, count), weight.dtype)
+    lost = np.zeros(count, sight.dtype)
+    shine = np.empty((3, count), sight.dtype)
     for j in range(last - first):
-        w = weight[j]
+        seen = sight[offset + j]
+        x, y, z, w, excess = seen[0, :count], seen[1, :count], seen[2, :count], seen[3, :count], seen[4, :count]
         dark = True
         for p in range(count):
             if w[p] > zero:
@@ -191,7 +211,7 @@ def add_lights(  # type: ignore[no-untyped-def]
                 break
         if dark:
             continue
-        basis_rows(units[j, 0], units[j, 1], units[j, 2], bands, a, ab, diagonal, lowest, basis, scratch)
+        basis_rows(x, y, z, bands, a, ab, diagonal, lowest, basis, scratch)
         for channel in range(3):
             level = flux[channel, first + j]
             target = shine[channel]
@@ -207,7 +227,7 @@ def add_lights(  # type: ignore[no-untyped-def]
                 target[:] = level
             if least[first + j] > zero:
                 for p in range(count):
-                    lost += target[p] * excess[j, p]
+                    lost[p] += target[p] * excess[p]
             for p in range(count):
                 target[p] *= w[p]
         for k in range(bands * bands):
@@ -216,4 +236,18 @@ def add_lights(  # type: ignore[no-untyped-def]
                 target, total = shine[channel], sums[k, channel]
                 for p in range(count):
                     total[p] += target[p] * values[p]
-    return lost
+    total_lost = 0.0
+    for p in range(count):
+        total_lost += lost[p]
+    return total_lost
+
+
+@njit(cache=True, nogil=True)
+def store(sums, rows, columns, out):  # type: ignore[no-untyped-def]
+    """Write sums (G, bands², 3, P) to ``out`` (H, W, G, bands², 3) at pixels ``rows, columns`` (P,)."""
+    for p in range(len(rows)):
+        pixel = out[rows[p], columns[p]]
+        for group in range(sums.shape[0]):
+            for k in range(sums.shape[1]):
+                for channel in range(3):
+                    pixel[group, k, channel] = sums[group, k, channel, p]

@@ -144,20 +144,20 @@ class IgiRenderer:
 
     def _receive(self, coefficients: Singles, seen: GBuffer) -> Responses:
         """Return what surfaces get, ``(H, W, G, 3)``; zero where nothing is seen."""
-        shape = (*seen.seen.shape, coefficients.shape[2], 3)
-        matte, lobe = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        here = seen.seen
-        matte[here], lobe[here] = responses(
-            coefficients[here],
-            seen.shading[here],
-            seen.view[here],
-            seen.geometric[here],
-            seen.exponent[here],
-            np.asarray(seen.ks[here].any(axis=1)),
+        # Pixels without a surface have no coefficients and no lobe.
+        count = seen.seen.size
+        matte, lobe = responses(
+            coefficients.reshape(count, *coefficients.shape[2:]),
+            seen.shading.reshape(count, 3),
+            seen.view.reshape(count, 3),
+            seen.geometric.reshape(count, 3),
+            seen.exponent.reshape(count),
+            np.asarray(seen.ks.reshape(count, 3).max(axis=1) > 0),
             self.settings.kernel,
             self.settings.bands,
         )
-        return Responses(matte, lobe)
+        shape = (*seen.seen.shape, coefficients.shape[2], 3)
+        return Responses(matte.reshape(shape), lobe.reshape(shape))
 
 
 def cut(size: tuple[int, int], side: int = TILE) -> list[Tile]:
