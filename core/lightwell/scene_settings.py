@@ -13,7 +13,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from lightwell.conventions import MAX_BANDS
-from lightwell.settings import Settings, WindowSettings
+from lightwell.igi_settings import IgiSettings
+from lightwell.settings import MappingSettings, Settings, WindowSettings
 
 MAX_SIDE, MAX_SAMPLES = 16384, 16
 MAX_PIXELS = 1 << 26
@@ -24,7 +25,9 @@ MAX_EV = 64.0
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Metres = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
 Place = tuple[Metres, Metres, Metres]
+Power = Annotated[float, Field(ge=0, le=1e12)]
 Name = Annotated[str, Field(min_length=1)]
+Method = Literal["harmonics", "igi"]
 MOST_GROUPS = 4
 """Grids that are light groups together: what the web page draws."""
 
@@ -55,15 +58,23 @@ def _colour(value: Any) -> Any:  # noqa: ANN401
 
 
 class CameraSettings(Settings):
-    """A pinhole camera."""
+    """A pinhole camera: its place, or (igi) one of the scene's glTF file; by default the first."""
 
-    position: Place = Field(description="where the camera stands, metres")
+    name: str | None = Field(None, min_length=1, description="igi: a camera of the scene's glTF file")
+    position: Place | None = Field(None, description="where the camera stands, metres")
     target: Place = Field((0.0, 0.0, 0.0), description="what is in the middle of the picture, metres")
     up: Place = Field((0.0, 0.0, 1.0), description="world direction of the picture's top")
     fov_degrees: float = Field(36.0, gt=0, lt=180, description="angle from the lower to the upper edge, degrees")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        if self.position is None:
+            given = self.model_fields_set - {"name"}
+            if given:
+                raise PydanticCustomError("scene", "has {given} but no position", {"given": ", ".join(sorted(given))})
+            return self
+        if self.name is not None:
+            raise PydanticCustomError("scene", "has a name and a position: give one of them")
         if max(abs(a - b) for a, b in zip(self.position, self.target, strict=True)) < 1e-6:
             raise PydanticCustomError("camera", "position and target must differ")
         if max(map(abs, self.up)) < 1e-6:
@@ -97,12 +108,23 @@ def _names(value: Any) -> Any:  # noqa: ANN401
 
 
 class SceneLightSettings(Settings):
-    """Where the light comes from: a file or a stream; a grid; or a grid that follows one of the two (MATHS §11d)."""
+    """Where the light comes from: file, stream or field of streams; grid; or grid that follows one of the first two."""
 
     file: Path | None = Field(
         None, description="picture (.exr, .hdr; lat-long), or JSON of `lightwell project --json`, `watch --json`"
     )
+    mapping: MappingSettings = Field(
+        MappingSettings(), description="of the picture, where it is a recorded frame of a probe and not lat-long"
+    )
     stream: str | None = Field(None, min_length=1, description="name of a stream on the server: its newest frame")
+    field: str | None = Field(
+        None, min_length=1, description="name of a field on the server: the newest frames of its streams, by place"
+    )
+    gradients: bool | None = Field(
+        None,
+        description="how the light changes beside a probe. stream: true uses that, by default not; field: used where"
+        " all its streams have some, false leaves it out",
+    )
     grid: Annotated[tuple[Name, ...] | None, BeforeValidator(_names)] = Field(
         None,
         min_length=1,
@@ -116,21 +138,25 @@ class SceneLightSettings(Settings):
     gain: float = Field(1.0, ge=0, le=1e12, description="factor")
     probe_at: Place | None = Field(
         None,
-        description="grid with file or stream: where that probe stands, metres; default: where the stream says, else"
-        " the middle of the first grid",
+        description="grid with file or stream, or gradients of a stream: where that probe stands, metres; default:"
+        " where the stream says, else the middle of the first grid, without one the origin",
     )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        named = [name for name in ("file", "stream", "grid") if getattr(self, name) is not None]
-        if not named or {"file", "stream"} <= set(named):
+        named = [name for name in ("file", "stream", "field", "grid") if getattr(self, name) is not None]
+        if not named or len([name for name in named if name != "grid"]) > 1 or {"field", "grid"} <= set(named):
             found = " and ".join(named) or "none of them"
-            words = "give file or stream, grid, or grid and one of the two, not {found}"
+            words = "give file, stream, field, grid, or grid and one of the first two, not {found}"
             raise PydanticCustomError("light", words, {"found": found})
-        if self.probe_at is not None and len(named) != 2:
-            raise PydanticCustomError("light", "probe_at needs a grid, and a file or a stream")
-        if self.grid is not None and self.window.kind == "auto":
-            raise PydanticCustomError("light", "a grid takes a fixed window (hann, lanczos, nonneg), not auto")
+        if self.gradients is not None and named not in (["stream"], ["field"]):
+            raise PydanticCustomError("light", "gradients are those of a stream or a field, without a grid")
+        if self.probe_at is not None and len(named) != 2 and not (self.stream is not None and self.gradients):
+            raise PydanticCustomError(
+                "light", "probe_at needs a grid and a file or a stream, or a stream with gradients = true"
+            )
+        if (self.grid is not None or self.field is not None) and self.window.kind == "auto":
+            raise PydanticCustomError("light", "grids and fields take a fixed window (hann, lanczos, nonneg), not auto")
         return self
 
 
@@ -183,6 +209,9 @@ class SceneObjectSettings(Settings):
     horizon: bool = Field(False, description="cut the lobe off where it reaches below the surface")
     mirror: Fraction = Field(0.0, description="weight of the mirrored backdrop (paper 003, equation 15)")
     two_sided: bool = Field(False, description="show and light the backs of triangles too")
+    emission: Annotated[tuple[Power, Power, Power], BeforeValidator(_colour)] = Field(
+        (0.0, 0.0, 0.0), description="igi: radiance of the front, linear: one number or three"
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -196,10 +225,19 @@ class SceneObjectSettings(Settings):
 
 
 class SceneSettings(Settings):
-    """A scene file."""
+    """A scene file. What has no meaning for its method is left out, but nothing that would change the picture."""
 
-    camera: CameraSettings
-    light: SceneLightSettings
+    method: Method = Field(
+        "harmonics",
+        description="harmonics: shading by spherical harmonics, as the web page; igi: virtual point lights, which also"
+        " lamps in the scene cast and which surfaces reflect",
+    )
+    camera: CameraSettings = CameraSettings()
+    light: SceneLightSettings | None = Field(None, description="igi: may be missing where lamps are in the scene")
+    scene: Path | None = Field(
+        None, description="igi: .glb or .gltf with objects, textures, lamps and cameras, besides objects"
+    )
+    igi: IgiSettings = IgiSettings()
     picture: PictureSettings = PictureSettings()
     backdrop: SceneBackdropSettings = SceneBackdropSettings()
     shadows: SceneShadowSettings = SceneShadowSettings()
@@ -210,3 +248,22 @@ class SceneSettings(Settings):
     negatives: Literal["desaturate", "clip", "keep"] = Field(
         "desaturate", description="where harmonics ring below zero: as the web page, cut off, or left"
     )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.camera.position is None and self.scene is None:
+            raise PydanticCustomError("scene", "camera.position is missing: it has no default")
+        if self.method == "igi":
+            if any(item.transfer is not None for item in self.objects):
+                raise PydanticCustomError("scene", "objects with transfer need method = 'harmonics': name their mesh")
+            return self
+        if self.light is None:
+            raise PydanticCustomError("scene", "light is missing: it has no default")
+        for field, found in {
+            "scene": self.scene is not None,
+            "camera.name": self.camera.name is not None,
+            "objects.emission": any(any(item.emission) for item in self.objects),
+        }.items():
+            if found:
+                raise PydanticCustomError("scene", "{field} needs method = 'igi'", {"field": field})
+        return self

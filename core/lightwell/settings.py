@@ -235,7 +235,7 @@ def complaint(item: ErrorDetails) -> str:
             message = "must be an object, a table of keys and values"
         case "tuple_type" | "list_type":
             message = "must be a list"
-        case "gradients" | "twice":
+        case "gradients" | "twice" | "scene":
             return message
         case "too_long":
             message = f"must have at most {item['ctx']['max_length']} values"

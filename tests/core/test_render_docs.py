@@ -1,4 +1,4 @@
-"""docs/render.md names every field of a scene, and no other."""
+"""docs/render.md and docs/igi.md name every field of a scene, and no other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from lightwell.scene_settings import SceneSettings
 
-DOCS = Path(__file__).parents[2] / "docs" / "render.md"
+DOCS = [Path(__file__).parents[2] / "docs" / name for name in ("render.md", "igi.md")]
 
 
 def fields() -> set[str]:
@@ -24,7 +24,8 @@ def fields() -> set[str]:
 
 def test_every_field_is_documented() -> None:
     named = set()
-    for row in re.findall(r"^\| (`.*?) \|", DOCS.read_text("utf-8"), flags=re.MULTILINE):
+    rows = [row for path in DOCS for row in re.findall(r"^\| (`.*?) \|", path.read_text("utf-8"), flags=re.MULTILINE)]
+    for row in rows:
         table = ""
         for name in re.findall(r"`([a-z_.]+)`", row):
             table = name.rpartition(".")[0] or table

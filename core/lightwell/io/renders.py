@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -54,13 +56,20 @@ def write_rendering(path: Path, rendering: Rendering, ev: float = 0.0, *, tone_m
 
 def rendering_png(rendering: Rendering, ev: float = 0.0, *, tone_mapping: bool = True) -> bytes:
     """Return a rendering as PNG: RGB in front of a backdrop, else RGBA with straight alpha."""
-    if rendering.has_backdrop:
-        return _png(expose_and_encode(rendering.colour, ev, tone_mapping=tone_mapping)[..., ::-1])
-    coverage = rendering.coverage[..., None]
-    straight = rendering.colour / np.where(coverage > 0, coverage, 1)
-    colour = expose_and_encode(straight, ev, tone_mapping=tone_mapping)
-    alpha = np.rint(coverage * 255).astype(np.uint8)
-    return _png(np.concatenate([colour[..., ::-1], alpha], axis=-1))
+    coverage = None if rendering.has_backdrop else rendering.coverage
+    return picture_png(rendering.colour, coverage, ev, tone_mapping=tone_mapping)
+
+
+def picture_png(
+    colour: NDArray[np.float32], coverage: NDArray[np.float32] | None, ev: float = 0.0, *, tone_mapping: bool = True
+) -> bytes:
+    """Return radiance ``(H, W, 3)`` as PNG: RGB, or RGBA where it is premultiplied with a coverage ``(H, W)``."""
+    if coverage is None:
+        return _png(expose_and_encode(colour, ev, tone_mapping=tone_mapping)[..., ::-1])
+    straight = colour / np.where(coverage > 0, coverage, 1)[..., None]
+    encoded = expose_and_encode(straight, ev, tone_mapping=tone_mapping)
+    alpha = np.rint(coverage[..., None] * 255).astype(np.uint8)
+    return _png(np.concatenate([encoded[..., ::-1], alpha], axis=-1))
 
 
 def _png(pixels: NDArray[np.uint8]) -> bytes:
@@ -80,6 +89,11 @@ def _write_exr(path: Path, rendering: Rendering) -> None:
         **{f"normal.{axis}": rendering.normal[..., i] for i, axis in enumerate("XYZ")},
         **{f"albedo.{channel}": rendering.albedo[..., i] for i, channel in enumerate("RGB")},
     }
+    write_exr_layers(path, layers)
+
+
+def write_exr_layers(path: Path, layers: Mapping[str, NDArray[Any]]) -> None:
+    """Write channels ``(H, W)`` by name as float OpenEXR; the file appears whole or not at all."""
     header = {"compression": COMPRESSIONS["zip"], "type": OpenEXR.scanlineimage}
     channels = {name: np.ascontiguousarray(values, dtype=np.float32) for name, values in layers.items()}
     temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")

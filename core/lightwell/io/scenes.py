@@ -15,22 +15,25 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from lightwell.conventions import CONVENTIONS, DEFAULT_BANDS, LUMINANCE, bands_of_count
-from lightwell.errors import FrameError, LightwellError, RenderError
+from lightwell.errors import FrameError, LightwellError, MappingError, RenderError
 from lightwell.field.adaptive import AnyGrid
 from lightwell.geometry.mesh import Mesh, make_mesh
 from lightwell.geometry.shapes import make_shape
+from lightwell.gradients.interpolate import SampleSet
 from lightwell.io.grids import open_grid
 from lightwell.io.meshes import load_meshes
 from lightwell.io.pictures import read_picture
 from lightwell.probe.factory import make_mapping
 from lightwell.probe.projection import projector
 from lightwell.probe.samples import repair
+from lightwell.probe.unwrap import Unwrapper
 from lightwell.render.backdrop import Backdrop, Harmonics, Panorama
 from lightwell.render.camera import Camera
-from lightwell.render.light import DistantLight, FieldLight, Light, SummedLight, modulate, with_bands
+from lightwell.render.light import DistantLight, FieldLight, Light, SampledLight, SummedLight, modulate, with_bands
 from lightwell.render.material import Material
 from lightwell.render.scene import Scene, SceneObject
 from lightwell.scene_settings import (
+    CameraSettings,
     PictureSettings,
     SceneBackdropSettings,
     SceneLightSettings,
@@ -38,10 +41,10 @@ from lightwell.scene_settings import (
     SceneSettings,
     SceneShadowSettings,
 )
-from lightwell.settings import MappingSettings, WindowSettings, complaint
+from lightwell.settings import WindowSettings, complaint
 from lightwell.sh.basis import Y00
 from lightwell.sh.engines import convert
-from lightwell.sh.window import WindowStage, fixed_window
+from lightwell.sh.window import WindowStage, apply_window, fixed_window
 from lightwell.transfer.compute import compute_transfer
 from lightwell.transfer.directions import make_directions
 
@@ -50,7 +53,22 @@ Floats = NDArray[np.float64]
 METERED_LEVEL = 0.3
 """Mean radiance of the light, exposed, that looks right: the web page's."""
 EV_MOST = 24.0
+UNWRAPPED_WIDTH = 1024
+"""Pixels across the lat-long picture of a probe's."""
 MAX_SCENE_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """What a live probe sees now."""
+
+    name: str
+    coefficients: Floats
+    """``(bands², 3)``."""
+    gradients: Floats | None
+    """``(bands², 3, 3)`` per metre; None: its stream measures none."""
+    position: tuple[float, float, float] | None
+    """Metres; None: nobody has said."""
 
 
 class Server(Protocol):
@@ -62,6 +80,14 @@ class Server(Protocol):
 
     def position(self, name: str) -> tuple[float, float, float] | None:
         """Return where a stream's probe stands, metres; None: nobody has said."""
+        ...
+
+    def probe(self, name: str) -> Probe:
+        """Return the newest frame of a stream with its gradients."""
+        ...
+
+    def field(self, name: str) -> list[Probe]:
+        """Return the newest frames of those streams of a field that give light now; at least one, with positions."""
         ...
 
     def grid(self, grid: str) -> AnyGrid:
@@ -84,14 +110,18 @@ class LoadedScene:
     """Exposure; metered where the file does not say."""
 
 
-def read_scene_settings(path: Path) -> SceneSettings:
-    """Read a scene file.
+def read_scene_settings(path: Path, changes: Mapping[str, Any] | None = None) -> SceneSettings:
+    """Read a scene file; ``changes`` are put over what it says, tables over tables.
+
+    A glTF file stands for a scene for igi that holds nothing else.
 
     Raises
     ------
     RenderError
         With one line for each mistake: file, field, value, remedy.
     """
+    if path.suffix.lower() in (".glb", ".gltf"):
+        return scene_settings(_changed({"method": "igi", "scene": path.name}, changes or {}), str(path))
     try:
         if path.stat().st_size > MAX_SCENE_BYTES:
             raise RenderError(f"{path}: is larger than {MAX_SCENE_BYTES >> 20} MiB: this is no scene file")
@@ -102,7 +132,16 @@ def read_scene_settings(path: Path) -> SceneSettings:
         raise RenderError(f"{path}: cannot be read: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise RenderError(f"{path}: is not valid TOML: {error}") from None
-    return scene_settings(document, str(path))
+    return scene_settings(_changed(document, changes or {}), str(path))
+
+
+def _changed(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    changed = dict(document)
+    for key, value in changes.items():
+        below = changed.get(key)
+        inner = isinstance(value, Mapping) and isinstance(below, Mapping)
+        changed[key] = _changed(below, value) if inner else value  # type: ignore[arg-type]
+    return changed
 
 
 def scene_settings(document: Mapping[str, Any], where: str = "scene") -> SceneSettings:
@@ -110,7 +149,9 @@ def scene_settings(document: Mapping[str, Any], where: str = "scene") -> SceneSe
     try:
         return SceneSettings.model_validate(document)
     except ValidationError as error:
-        lines = [f"{where}: {_field(item['loc'])} {complaint(item)}" for item in error.errors()]
+        lines = [
+            f"{where}: {' '.join(filter(None, (_field(item['loc']), complaint(item))))}" for item in error.errors()
+        ]
         raise RenderError("\n".join(lines)) from None
 
 
@@ -150,9 +191,17 @@ def load_scene(
     LightwellError
         Where something cannot be read; names the file and the field.
     """
-    loader = _Loader(folder, server, where)
-    lit, picture = loader.light(settings.light) if light is None else (DistantLight(light), None)
-    camera = Camera(**settings.camera.model_dump())
+    if settings.method != "harmonics":
+        raise RenderError(
+            f"{where}: method = {settings.method!r}: this renders by harmonics; `lightwell render` knows both"
+        )
+    loader = SceneLoader(folder, server, where)
+    if light is None:
+        assert settings.light is not None
+        lit, picture = loader.light(settings.light)
+    else:
+        lit, picture = DistantLight(light), None
+    camera = placed_camera(settings.camera)
     objects = tuple(
         made
         for number, item in enumerate(settings.objects)
@@ -205,19 +254,29 @@ def meter(scene: Scene) -> float:
     return float(np.clip(np.log2(METERED_LEVEL / mean), -EV_MOST, EV_MOST)) if mean > 0 else 0.0
 
 
+def placed_camera(settings: CameraSettings) -> Camera:
+    """Return a camera whose position is given."""
+    assert settings.position is not None
+    return Camera(settings.position, settings.target, settings.up, settings.fov_degrees)
+
+
 @dataclass(frozen=True)
-class _Loader:
+class SceneLoader:
+    """Finds what a scene names."""
+
     folder: Path
     server: Server | None
     where: str
 
-    def within(self, field: str) -> _Loader:
+    def within(self, field: str) -> SceneLoader:
         """Return a loader whose errors name a field."""
         return replace(self, where=f"{self.where}: {field}")
 
     def light(self, settings: SceneLightSettings) -> tuple[Light, NDArray[np.floating] | None]:
         """Return the light, and its picture where it is from one."""
         at = self.within("light")
+        if settings.field is not None or settings.gradients:
+            return at._sampled(settings), None
         fields = at._fields(settings)
         if settings.file is None and settings.stream is None:
             return fields[0] if len(fields) == 1 else SummedLight(fields), None
@@ -236,7 +295,7 @@ class _Loader:
         if settings.file is not None:
             if settings.kind not in ("auto", "picture"):
                 raise RenderError(f"{self.where}.file: means nothing with kind = {settings.kind!r}: leave one out")
-            return Panorama(self._picture(self._path(settings.file)), settings.filter)
+            return Panorama(self._picture(self.path(settings.file)), settings.filter)
         kind = settings.kind
         if kind == "auto":
             kind = "picture" if picture is not None else "harmonics" if isinstance(light, DistantLight) else "none"
@@ -260,7 +319,7 @@ class _Loader:
         )
         if settings.transfer is not None:
             return [
-                SceneObject(_placed(mesh, settings), material, transfer)
+                SceneObject(placed(mesh, settings), material, transfer)
                 for mesh, transfer in self._transferred(settings.transfer)
             ]
         if settings.shape is not None:
@@ -268,10 +327,10 @@ class _Loader:
         else:
             assert settings.mesh is not None
             try:
-                meshes = load_meshes(self._path(settings.mesh), settings.up_axis)
+                meshes = load_meshes(self.path(settings.mesh), settings.up_axis)
             except LightwellError as error:
                 raise RenderError(f"{self.where}.mesh: {error}") from None
-        return [SceneObject(_placed(mesh, settings), material) for mesh in meshes]
+        return [SceneObject(placed(mesh, settings), material) for mesh in meshes]
 
     def _probe(self, settings: SceneLightSettings) -> tuple[Floats, NDArray[np.floating] | None]:
         """Return the coefficients of a file or a stream, and the picture where there is one."""
@@ -280,25 +339,58 @@ class _Loader:
             coefficients = self._require_server("stream").stream(settings.stream)
         else:
             assert settings.file is not None
-            path = self._path(settings.file)
+            path = self.path(settings.file)
             if path.suffix.lower() == ".json":
                 coefficients = self._coefficients_of(path)
             else:
                 picture = self._picture(path)
                 bands = settings.bands or DEFAULT_BANDS
-                mapping = make_mapping(MappingSettings(), *picture.shape[:2])
-                coefficients = projector(mapping, bands, "solid-angle", "fill").project(picture)
+                try:
+                    mapping = make_mapping(settings.mapping, *picture.shape[:2])
+                except MappingError as error:
+                    raise RenderError(f"{self.where}.mapping: {path}: {error}") from None
+                coefficients = projector(mapping, bands, "solid-angle", settings.mapping.blind).project(picture)
+                if settings.mapping.kind != "latlong":
+                    picture = Unwrapper(mapping, UNWRAPPED_WIDTH)(np.ascontiguousarray(picture))
         coefficients = settings.gain * with_bands(
             coefficients, self._bands(settings, bands_of_count(len(coefficients)))
         )
         windowed, _, _ = WindowStage(settings.window, bands_of_count(len(coefficients))).update(coefficients, 0)
         return windowed, None if picture is None else settings.gain * picture
 
+    def _sampled(self, settings: SceneLightSettings) -> SampledLight:
+        """Return the light beside the probe of a stream, or among those of a field."""
+        if settings.field is not None:
+            probes = self._require_server("field").field(settings.field)
+        else:
+            assert settings.stream is not None
+            probes = [self._require_server("stream").probe(settings.stream)]
+            if probes[0].gradients is None:
+                raise RenderError(
+                    f"{self.where}.gradients: the stream {settings.stream!r} has none: give it a proxy in its settings"
+                    " ([gradients]), or leave this out"
+                )
+        bands = self._bands(settings, min(bands_of_count(len(probe.coefficients)) for probe in probes))
+        everywhere = settings.gradients is not False and all(probe.gradients is not None for probe in probes)
+        coefficients = np.stack([with_bands(probe.coefficients, bands) for probe in probes])
+        gradients = [probe.gradients[: bands * bands] for probe in probes if everywhere and probe.gradients is not None]
+        window = _window_of(settings.window, coefficients[0])
+        if window is not None:
+            coefficients = np.stack([apply_window(values, window) for values in coefficients])
+            gradients = [apply_window(values, window) for values in gradients]
+        return SampledLight(
+            SampleSet(
+                [settings.probe_at or probe.position or (0.0, 0.0, 0.0) for probe in probes],
+                settings.gain * coefficients,
+                settings.gain * np.stack(gradients) if gradients else None,
+            )
+        )
+
     def _fields(self, settings: SceneLightSettings) -> tuple[FieldLight, ...]:
         return tuple(self._field(name, settings) for name in settings.grid or ())
 
     def _field(self, name: str, settings: SceneLightSettings) -> FieldLight:
-        path = self._path(Path(name))
+        path = self.path(Path(name))
         if path.exists() or "/" in name or name.endswith(".zarr"):
             grid = open_grid(path)
         else:
@@ -317,7 +409,8 @@ class _Loader:
             raise RenderError(f"{self.where}.bands = {settings.bands}: this light has {there}: ask for no more")
         return settings.bands or there
 
-    def _path(self, path: Path) -> Path:
+    def path(self, path: Path) -> Path:
+        """Return where a path of the scene file leads."""
         if "\0" in str(path):
             raise RenderError(f"{self.where}: {str(path)!r} is no path: it holds a null character")
         try:
@@ -354,7 +447,7 @@ class _Loader:
             ) from None
 
     def _transferred(self, name: str) -> list[tuple[Mesh, NDArray[np.floating]]]:
-        path = self._path(Path(name))
+        path = self.path(Path(name))
         folder = path if path.exists() or "/" in name else self._require_server("transfer").transfer(name)
         return read_transfer(folder, self.where)
 
@@ -395,12 +488,20 @@ def read_transfer(folder: Path, where: str = "transfer") -> list[tuple[Mesh, NDA
     return found
 
 
-def _placed(mesh: Mesh, settings: SceneObjectSettings) -> Mesh:
-    """Return a mesh scaled, then turned, then moved."""
+def placed(mesh: Mesh, settings: SceneObjectSettings) -> Mesh:
+    """Return a mesh scaled, then turned, then moved, as an entry says."""
     angle = np.radians(settings.turn_degrees)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     positions = settings.scale * mesh.positions.astype(np.float64) @ turn.T + np.array(settings.position)
     return make_mesh(mesh.name, positions, mesh.triangles, mesh.normals.astype(np.float64) @ turn.T, mesh.albedo)
+
+
+def _window_of(settings: WindowSettings, coefficients: Floats) -> Floats | None:
+    """Return the weights ``(bands,)`` that these coefficients ``(bands², 3)`` get; None where none are applied."""
+    if settings.kind == "none":
+        return None
+    _, weights, _ = WindowStage(settings, bands_of_count(len(coefficients))).update(coefficients, 0)
+    return weights
 
 
 def _fixed(window: WindowSettings, bands: int) -> Floats | None:

@@ -4,38 +4,84 @@ from __future__ import annotations
 
 import json as json_module
 import time
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
 from lightwell_server.cli.connection import JSON, SERVER, TOKEN
 from lightwell_server.cli.output import progress_bar, quiet_libraries
+from lightwell_server.cli.render_igi import render_by_lights
 
 if TYPE_CHECKING:
     from lightwell.io.scenes import LoadedScene
+    from lightwell.scene_settings import SceneSettings
+
+
+class Method(StrEnum):
+    """How a picture is made."""
+
+    harmonics = "harmonics"
+    igi = "igi"
 
 
 def render(
-    scene: Path = typer.Argument(help="Scene file, TOML (docs/render.md)."),
+    scene: Path = typer.Argument(help="Scene file, TOML (docs/render.md), or with igi also .glb or .gltf."),
     out: list[Path] = typer.Option(..., "--out", "-o", help="Picture, .exr or .png; may be repeated."),
+    method: Method | None = typer.Option(
+        None, help="harmonics: as the web page. igi: virtual point lights, slower, with light that surfaces reflect."
+    ),
     size: str | None = typer.Option(None, metavar="WxH", help="Pixels, such as 640x480, in place of the scene's own."),
-    samples: int | None = typer.Option(None, min=1, max=16, help="N: a pixel is the mean of N² rays."),
+    samples: int | None = typer.Option(None, min=1, max=16, help="harmonics: N: a pixel is the mean of N² rays."),
+    sets: str | None = typer.Option(None, metavar="NxM", help="igi: sets of virtual lights, interleaved so."),
+    vpls: int | None = typer.Option(None, min=1, help="igi: virtual lights, all sets together."),
+    coefficients: bool = typer.Option(False, "--coefficients", help="igi: also write incident radiance to the EXR."),
     ev: float | None = typer.Option(None, min=-64, max=64, help="Exposure of a PNG, EV, in place of the scene's own."),
     server: str = SERVER,
     token: str | None = TOKEN,
     json: bool = JSON,
 ) -> None:
-    """Render SCENE: objects lit by a probe, by a stream's last frame or by a grid."""
-    from lightwell.io.renders import require_format, write_rendering
-    from lightwell.io.scenes import add_shadows, load_scene, read_scene_settings
-    from lightwell.render import render as render_scene
-    from lightwell_client.rendering import ServerSources
+    """Render SCENE: objects lit by a probe, by a stream's last frame or by a grid, with igi also by lamps."""
+    from lightwell.io.renders import require_format
+    from lightwell.io.scenes import read_scene_settings
 
     for path in out:
         require_format(path)
-    settings = read_scene_settings(scene)
-    pixels = (settings.picture.width, settings.picture.height) if size is None else _size(size)
+    pixels = None if size is None else _size(size)
+    igi = {key: value for key, value in (("sets", sets), ("vpls", vpls)) if value is not None}
+    changes: dict[str, Any] = ({} if method is None else {"method": method.value}) | ({"igi": igi} if igi else {})
+    settings = read_scene_settings(scene, changes)
+    if settings.method == "igi":
+        if samples is not None:
+            _refuse("--samples", "igi takes one ray a pixel: render larger and shrink")
+        if coefficients:
+            layers = tuple(dict.fromkeys((*settings.igi.layers, "coefficients")))
+            settings = settings.model_copy(update={"igi": settings.igi.model_copy(update={"layers": layers})})
+        render_by_lights(settings, scene, out, pixels, ev, server, token, json)
+        return
+    if igi or coefficients:
+        _refuse("--sets, --vpls and --coefficients", "add --method igi")
+    _render_by_harmonics(settings, scene, out, pixels, samples, ev, server, token, json)
+
+
+def _render_by_harmonics(
+    settings: SceneSettings,
+    scene: Path,
+    out: list[Path],
+    size: tuple[int, int] | None,
+    samples: int | None,
+    ev: float | None,
+    server: str,
+    token: str | None,
+    json: bool,
+) -> None:
+    from lightwell.io.renders import write_rendering
+    from lightwell.io.scenes import add_shadows, load_scene
+    from lightwell.render import render as render_scene
+    from lightwell_client.rendering import ServerSources
+
+    pixels = size or (settings.picture.width, settings.picture.height)
     with ServerSources(server, token) as sources, quiet_libraries():
         loaded = load_scene(settings, scene.parent, sources, where=str(scene), shadows=False)
     exposure = loaded.ev if ev is None else ev
@@ -72,6 +118,12 @@ def render(
         f"exposure {exposure:+.2f} EV",
         err=True,
     )
+
+
+def _refuse(option: str, remedy: str) -> NoReturn:
+    from lightwell.errors import LightwellError
+
+    raise LightwellError(f"{option}: {remedy}")
 
 
 def _triangles(loaded: LoadedScene) -> int:
