@@ -13,7 +13,7 @@
 
 from lightwell.render.backdrop import Backdrop, Harmonics, Panorama
 from lightwell.render.camera import Camera
-from lightwell.render.light import DistantLight, FieldLight, Light, ModulatedLight, SummedLight, modulate
+from lightwell.render.light import DistantLight, FieldLight, Light, ModulatedLight, SampledLight, SummedLight, modulate
 from lightwell.render.material import Material
 from lightwell.render.picture import Rendering, render
 from lightwell.render.scene import Scene, SceneObject
@@ -30,6 +30,7 @@ __all__ = [
     "ModulatedLight",
     "Panorama",
     "Rendering",
+    "SampledLight",
     "Scene",
     "SceneObject",
     "SummedLight",

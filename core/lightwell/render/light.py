@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lightwell.conventions import bands_of_count, coefficient_count, degree_of_index
 from lightwell.field.adaptive import AnyGrid
+from lightwell.gradients.interpolate import SampleSet
 from lightwell.render.nonnegative import nonnegative_gains
 from lightwell.scene_settings import MOST_GROUPS
 from lightwell.sh.lobes import lambert_zonal
@@ -57,6 +58,25 @@ class DistantLight:
         """Return ``(bands², 3)``."""
         del points
         return self.coefficients
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLight:
+    """Light beside and between probes with known places (MATHS §7.4, §7.8): one probe is extrapolated by its gradient.
+
+    `lightwell.gradients.interpolate.SampleSet` says how several are combined, and how far steps go.
+    """
+
+    samples: SampleSet
+
+    @property
+    def bands(self) -> int:
+        """SH bands."""
+        return bands_of_count(self.samples.coefficients.shape[1])
+
+    def at(self, points: Floats) -> Floats:
+        """Return ``(n, bands², 3)``."""
+        return self.samples.at(points)
 
 
 @dataclass(frozen=True, eq=False)
