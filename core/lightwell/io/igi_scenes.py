@@ -87,7 +87,7 @@ def load_igi_scene(
     if light is not None:
         sky = sky_of_harmonics(light)
     elif settings.light is not None:
-        sky, field = _light(loader, settings.light)
+        sky, field = _light(loader, settings.light, objects)
     if settings.backdrop.file is not None:
         raise RenderError(f"{where}: backdrop.file: igi shows the light itself behind objects: name it as light.file")
     if "samples" in settings.picture.model_fields_set and settings.picture.samples > 1:
@@ -125,7 +125,10 @@ def _scene_of(loader: SceneLoader, path: Path) -> GltfScene:
         raise RenderError(f"{loader.where}: scene: {error}") from None
 
 
-def _light(loader: SceneLoader, settings: SceneLightSettings) -> tuple[Sky | None, FieldLight | None]:
+def _light(
+    loader: SceneLoader, settings: SceneLightSettings, objects: list[IgiObject]
+) -> tuple[Sky | None, FieldLight | None]:
+    """Return the distant part of the light, and its grid."""
     if settings.grid is not None and len(settings.grid) > 1:
         raise RenderError(f"{loader.where}: light.grid: igi takes one grid, not {len(settings.grid)}: name one")
     light, picture = loader.light(settings)
@@ -138,7 +141,12 @@ def _light(loader: SceneLoader, settings: SceneLightSettings) -> tuple[Sky | Non
             return Sky(np.maximum(picture, 0).astype(np.float32)), None
         case DistantLight():
             return sky_of_harmonics(light.coefficients), None
-    raise AssertionError(light)
+        case _:
+            # Probes with places: what arrives in the middle of the objects is taken for distant.
+            bounds = np.array([item.mesh.bounds for item in objects] or np.zeros((1, 2, 3)), np.float64)
+            middle = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
+            found = light.at(middle[None])
+            return sky_of_harmonics(found if found.ndim == 2 else found[0]), None
 
 
 def _is_dark(scene: IgiScene) -> bool:
