@@ -20,6 +20,7 @@ from lightwell_client.rest import Lightwell
 
 if TYPE_CHECKING:
     from lightwell.field.adaptive import AnyGrid
+    from lightwell.io.scenes import Probe
     from lightwell.render import Rendering
 
 
@@ -125,6 +126,26 @@ class ServerSources:
         with self._connect() as client:
             found = client.stream(name).settings.get("position_m")
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
+
+    def probe(self, name: str) -> Probe:
+        """Return the newest frame of a stream with its gradients."""
+        from lightwell.io.scenes import Probe
+
+        with self._connect() as client:
+            latest = client.latest(name, gradients=True)
+        gradients = None if latest.gradients is None else latest.gradients.astype(np.float64)
+        place = latest.position or self.position(name)
+        return Probe(name, latest.coefficients.astype(np.float64), gradients, place)
+
+    def field(self, name: str) -> list[Probe]:
+        """Return the newest frames of those streams of a field that give light now; at least one, with positions."""
+        with self._connect() as client:
+            members = client.field(name).members
+        found = [self.probe(member.stream) for member in members if member.used]
+        if not found:
+            reasons = "; ".join(f"{member.stream}: {member.problem}" for member in members)
+            raise LightwellError(f"no stream of the field {name!r} gives light now: {reasons}")
+        return found
 
     def grid(self, grid: str) -> AnyGrid:
         """Return a finished grid, read into memory."""

@@ -10,7 +10,7 @@ import type { Viewport } from "./viewport.ts";
 const ORBIT_STEP = Math.PI / 36;
 const ZOOM_STEP = 1.1;
 const MOVE_STEP = 0.05;
-/** Keys that move the object through a grid: shares of the box along x, y and z. */
+/** Keys that move the object, with shift the live probe: shares of the grid's box along x, y and z. */
 const MOVES: Record<string, [number, number, number]> = {
   n: [-MOVE_STEP, 0, 0],
   m: [MOVE_STEP, 0, 0],
@@ -72,7 +72,16 @@ export class Commands {
   }
 
   /** Do what a key stands for; says whether it stands for anything. */
-  press(key: string, onCanvas: boolean): boolean {
+  press(key: string, onCanvas: boolean, shift: boolean): boolean {
+    const step = MOVES[key];
+    if (step !== undefined) {
+      this.viewport.nudge(...step, shift ? "probe" : "object");
+      return true;
+    }
+    if (key === "g" && shift) {
+      change({ probeGizmo: !view.peek().probeGizmo });
+      return true;
+    }
     switch (key) {
       case "r":
         this.viewport.reset();
@@ -114,9 +123,7 @@ export class Commands {
         this.toggleHelp();
         return true;
     }
-    const step = MOVES[key];
-    if (step !== undefined) this.viewport.nudge(...step);
-    return step !== undefined || (onCanvas && this.steer(key));
+    return onCanvas && this.steer(key);
   }
 
   private steer(key: string): boolean {

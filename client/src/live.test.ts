@@ -2,7 +2,8 @@ import { encode } from "@msgpack/msgpack";
 import { afterEach, describe, expect, it, vi } from "vitest";
 
 import { ClockOffset, nowMs } from "./clock.ts";
-import { explain, LiveStream, liveUrl } from "./live.ts";
+import { explain } from "./connection.ts";
+import { LiveStream, liveUrl } from "./live.ts";
 import { History, Rate } from "./rate.ts";
 import { CLOSE_NOT_FOUND, CLOSE_UNAUTHORIZED } from "./wire.ts";
 
@@ -13,10 +14,10 @@ afterEach(() => {
 
 describe("address of a subscription", () => {
   it("stays beside the page, under any path and over TLS", () => {
-    expect(liveUrl("http://127.0.0.1:8400/", "room", true)).toBe(
-      "ws://127.0.0.1:8400/api/v1/streams/room/live?bands=5&backdrop=true",
+    expect(liveUrl("http://127.0.0.1:8400/", "room", true, true)).toBe(
+      "ws://127.0.0.1:8400/api/v1/streams/room/live?bands=5&backdrop=true&gradients=true",
     );
-    expect(liveUrl("https://host/light/?token=a%2Bb#ev=1", "a/b", false)).toBe(
+    expect(liveUrl("https://host/light/?token=a%2Bb#ev=1", "a/b", false, false)).toBe(
       "wss://host/light/api/v1/streams/a%2Fb/live?token=a%2Bb&bands=5&backdrop=false",
     );
   });

@@ -1,25 +1,14 @@
 // A live subscription: connects, decodes, reconnects. The message handler only stores what is newest; the viewport and
 // the panel come and look at their own pace.
 
-import { decode, encode } from "@msgpack/msgpack";
+import { decode } from "@msgpack/msgpack";
 
-import { apiUrl } from "./api.ts";
-import { ClockOffset, nowMs } from "./clock.ts";
+import { ClockOffset } from "./clock.ts";
+import { Connection, socketUrl } from "./connection.ts";
+import { unpackGradients } from "./gradients/extrapolate.ts";
 import { History, Rate } from "./rate.ts";
 import { PAGE_BANDS, unpackCoefficients } from "./sh.ts";
-import {
-  CLOSE_NOT_FOUND,
-  CLOSE_UNAUTHORIZED,
-  CLOSE_WRONG_PROTOCOL,
-  HEARTBEAT_SECONDS,
-  SUBPROTOCOL,
-  type Backdrop,
-  type Frame,
-  type LiveMessage,
-  type StreamInfo,
-  type StreamStatus,
-  type Subscribe,
-} from "./wire.ts";
+import type { Backdrop, Frame, LiveMessage, StreamInfo, StreamStatus, Subscribe } from "./wire.ts";
 
 export const HISTORY_MS = 30_000;
 /** Frames of the past that are kept at most, however fast they come. */
@@ -27,14 +16,14 @@ const MOST_PAST = 3000;
 /** Pictures are large: of the past, few are kept. */
 const PICTURE_PAUSE_MS = 500;
 const STALLED_MS = 2000;
-const FIRST_RETRY_MS = 250;
-const LONGEST_RETRY_MS = 4000;
 
 export type ConnectionState = "idle" | "connecting" | "waiting" | "live" | "stalled" | "retrying" | "refused";
 
 export interface Light {
   frame: Frame;
   coefficients: Float32Array;
+  /** `(bands², 3, 3)` per metre; `null`: the frame has none. */
+  gradients: Float32Array | null;
   /** When it arrived, this machine's clock. */
   receivedMs: number;
 }
@@ -45,26 +34,16 @@ export interface PastPicture {
 }
 
 /** Where the subscription of a stream lives, beside the page. */
-export function liveUrl(base: string, stream: string, backdrop: boolean): string {
-  const url = apiUrl(base, `streams/${encodeURIComponent(stream)}/live`);
-  url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-  url.searchParams.set("bands", String(PAGE_BANDS));
-  url.searchParams.set("backdrop", String(backdrop));
-  return url.href;
+export function liveUrl(base: string, stream: string, backdrop: boolean, gradients: boolean): string {
+  const query = { bands: String(PAGE_BANDS), backdrop: String(backdrop), ...(gradients ? { gradients: "true" } : {}) };
+  return socketUrl(base, `streams/${encodeURIComponent(stream)}/live`, query);
 }
 
-/** What a close of the connection means, in words; `final` where trying again cannot help. */
-export function explain(code: number, reason: string): { reason: string; final: boolean } {
-  switch (code) {
-    case CLOSE_UNAUTHORIZED:
-      return { reason: reason || "The server wants a token: add ?token=… to this page's address.", final: true };
-    case CLOSE_WRONG_PROTOCOL:
-      return { reason: reason || `The server does not speak ${SUBPROTOCOL}: reload this page.`, final: true };
-    case CLOSE_NOT_FOUND:
-      return { reason: reason || "The server has no such stream.", final: false };
-    default:
-      return { reason: reason || "The server does not answer.", final: false };
-  }
+/** The light of a frame that arrived at a time of this machine's clock. */
+export function lightOf(frame: Frame, receivedMs: number): Light {
+  const coefficients = unpackCoefficients(frame.coefficients);
+  const gradients = frame.gradients ? unpackGradients(frame.gradients, coefficients.length) : null;
+  return { frame, coefficients, gradients, receivedMs };
 }
 
 export class LiveStream {
@@ -76,8 +55,6 @@ export class LiveStream {
   status: StreamStatus | null = null;
   /** Frames that the server overtook for this page, over all its connections. */
   missed = 0;
-  /** Why the connection is refused or lost, in words. */
-  problem = "";
   /** The light of the last `HISTORY_MS`, oldest first. Replaced as it changes: what was read stays as it was. */
   past: readonly Light[] = [];
   /** Pictures of the same time, oldest first. */
@@ -86,64 +63,68 @@ export class LiveStream {
   readonly latencies = new History(HISTORY_MS);
   readonly clock: ClockOffset;
 
-  private socket: WebSocket | null = null;
   private stream: string | null = null;
   private wantsBackdrop = true;
-  private refused = false;
-  /** What the server said when it refused this connection. */
-  private refusal = "";
-  private retryDelayMs = FIRST_RETRY_MS;
-  private retryAtMs: number | null = null;
-  private retryTimer: ReturnType<typeof setTimeout> | undefined;
-  private silenceTimer: ReturnType<typeof setTimeout> | undefined;
-  private heartbeatMs = 1000 * HEARTBEAT_SECONDS;
   private lastFrameMs = 0;
   private missedOnConnection = 0;
+  private readonly connection = new Connection(
+    (data, receivedMs) => this.receive(data, receivedMs),
+    () => (this.missedOnConnection = 0),
+  );
   /** Light that has arrived since the past was brought up to date. */
   private coming: Light[] = [];
 
-  constructor(private readonly base: string) {
+  constructor(
+    private readonly base: string,
+    /** Whether to ask for gradients. */
+    private readonly gradients = false,
+  ) {
     this.clock = new ClockOffset(new URL(base).hostname);
   }
 
   /** Follow this stream from now on; what was known of another one is forgotten. */
   follow(stream: string): void {
-    if (stream === this.stream && !this.refused) return;
+    if (stream === this.stream && !this.connection.refused) return;
     this.stream = stream;
     this.light = this.backdrop = this.info = this.status = null;
     this.missed = 0;
-    this.problem = "";
     this.past = this.pastPictures = [];
     this.coming = [];
     this.latencies.clear();
     this.frames.clear();
     this.lastFrameMs = 0;
-    this.connect();
+    this.connection.open(() => liveUrl(this.base, stream, this.wantsBackdrop, this.gradients));
   }
 
   /** Follow nothing any more. */
   close(): void {
-    this.disconnect();
+    this.connection.close();
     this.stream = null;
+  }
+
+  /** Why the connection is refused or lost, in words. */
+  get problem(): string {
+    return this.connection.problem;
   }
 
   /** Ask for pictures of the surroundings, or spare the bandwidth. */
   setBackdrop(wanted: boolean): void {
     if (wanted === this.wantsBackdrop) return;
     this.wantsBackdrop = wanted;
-    this.send({ type: "subscribe", backdrop: wanted });
+    const message: Subscribe = { type: "subscribe", backdrop: wanted };
+    this.connection.send(message);
   }
 
   /** Try again now. */
   retry(): void {
-    if (this.stream !== null) this.connect();
+    this.connection.retry();
   }
 
   state(timeMs: number): ConnectionState {
     if (this.stream === null) return "idle";
-    if (this.refused) return "refused";
-    if (this.retryAtMs !== null) return "retrying";
-    if (this.socket?.readyState !== WebSocket.OPEN) return "connecting";
+    if (this.connection.refused) return "refused";
+    if (this.connection.isRetrying) return "retrying";
+    if (!this.connection.isOpen) return "connecting";
     if (this.light === null) return "waiting";
     const silent = timeMs - this.lastFrameMs > STALLED_MS;
     return silent || (this.status !== null && this.status.state !== "running") ? "stalled" : "live";
@@ -156,71 +137,15 @@ export class LiveStream {
 
   /** Seconds until the next attempt to connect. */
   retrySeconds(timeMs: number): number {
-    return this.retryAtMs === null ? 0 : Math.max(0, (this.retryAtMs - timeMs) / 1000);
+    return this.connection.retrySeconds(timeMs);
   }
 
-  private connect(): void {
-    this.disconnect();
-    this.refused = false;
-    this.refusal = "";
-    this.missedOnConnection = 0;
-    const socket = new WebSocket(liveUrl(this.base, this.stream!, this.wantsBackdrop), SUBPROTOCOL);
-    socket.binaryType = "arraybuffer";
-    socket.onmessage = (event: MessageEvent<ArrayBuffer>) => this.receive(event.data);
-    socket.onclose = (event) => this.closed(event);
-    this.socket = socket;
-    this.expectMessage();
-  }
-
-  private disconnect(): void {
-    clearTimeout(this.retryTimer);
-    clearTimeout(this.silenceTimer);
-    this.retryAtMs = null;
-    if (this.socket === null) return;
-    const { socket } = this;
-    socket.onmessage = socket.onclose = null;
-    // Browsers complain of a connection that is closed before it stands.
-    if (socket.readyState === WebSocket.CONNECTING) socket.onopen = () => socket.close();
-    else socket.close();
-    this.socket = null;
-  }
-
-  private closed(event: CloseEvent): void {
-    clearTimeout(this.silenceTimer);
-    this.socket = null;
-    const { reason, final } = explain(event.code, this.refusal || event.reason);
-    this.problem = reason;
-    if (final) this.refused = true;
-    else this.scheduleRetry();
-  }
-
-  private scheduleRetry(): void {
-    const delay = this.retryDelayMs * (0.8 + 0.4 * Math.random());
-    this.retryDelayMs = Math.min(LONGEST_RETRY_MS, 1.6 * this.retryDelayMs);
-    this.retryAtMs = nowMs() + delay;
-    this.retryTimer = setTimeout(() => this.connect(), delay);
-  }
-
-  /** Give the connection up when nothing, not even a heartbeat, comes for three heartbeats. */
-  private expectMessage(): void {
-    clearTimeout(this.silenceTimer);
-    this.silenceTimer = setTimeout(() => {
-      this.disconnect();
-      this.problem = "The connection went silent.";
-      this.scheduleRetry();
-    }, 3 * this.heartbeatMs);
-  }
-
-  private receive(data: ArrayBuffer): void {
-    const receivedMs = nowMs();
-    this.expectMessage();
+  private receive(data: ArrayBuffer, receivedMs: number): void {
     const message = decode(new Uint8Array(data)) as LiveMessage;
     switch (message.type) {
       case "hello":
-        this.retryDelayMs = FIRST_RETRY_MS;
-        this.problem = "";
+        this.connection.established(message.heartbeat_seconds);
         this.info = message.stream;
-        this.heartbeatMs = 1000 * message.heartbeat_seconds;
         this.clock.observe(message.server_time_ns, receivedMs);
         // The newest frame of the past: its light is wanted, its latency means nothing.
         if (message.latest !== null) this.take(message.latest, receivedMs);
@@ -248,13 +173,13 @@ export class LiveStream {
         this.status = message;
         break;
       case "refused":
-        this.refusal = message.reason;
+        this.connection.refuse(message.reason);
         break;
     }
   }
 
   private take(frame: Frame, receivedMs: number): void {
-    this.light = { frame, coefficients: unpackCoefficients(frame.coefficients), receivedMs };
+    this.light = lightOf(frame, receivedMs);
     this.lastFrameMs = receivedMs;
     this.coming.push(this.light);
   }
@@ -271,9 +196,5 @@ export class LiveStream {
     if (receivedMs - (this.pastPictures.at(-1)?.receivedMs ?? -Infinity) < PICTURE_PAUSE_MS) return;
     const kept = this.pastPictures.filter((item) => item.receivedMs > receivedMs - HISTORY_MS);
     this.pastPictures = [...kept, { receivedMs, picture }];
-  }
-
-  private send(message: Subscribe): void {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(encode(message));
   }
 }

@@ -49,6 +49,43 @@ export async function deleteStream(name: string): Promise<void> {
   await send(`streams/${encodeURIComponent(name)}`, { method: "DELETE" });
 }
 
+/** One stream of a field. */
+export interface FieldMemberDescription {
+  stream: string;
+  state: string;
+  used: boolean;
+  /** Why it is not used, and the remedy; empty where it is. */
+  problem: string;
+  position_m: [number, number, number] | null;
+  gradients: boolean;
+  trust_radius_m: number | null;
+}
+
+/** Streams whose probes stand at known places: the light between them. */
+export interface FieldDescription {
+  name: string;
+  origin: "file" | "api";
+  streams: string[];
+  members: FieldMemberDescription[];
+  subscribers: number;
+}
+
+export async function listFields(): Promise<FieldDescription[]> {
+  return (await ask<{ fields: FieldDescription[] }>("fields", { timeoutMs: LIST_TIMEOUT_MS })).fields;
+}
+
+export function createField(name: string, streams: readonly string[]): Promise<FieldDescription> {
+  return ask("fields", { method: "POST", body: { name, streams } });
+}
+
+export function changeField(name: string, streams: readonly string[]): Promise<FieldDescription> {
+  return ask(`fields/${encodeURIComponent(name)}`, { method: "PATCH", body: { streams } });
+}
+
+export async function deleteField(name: string): Promise<void> {
+  await send(`fields/${encodeURIComponent(name)}`, { method: "DELETE" });
+}
+
 export type JobState = "queued" | "running" | "cancelling" | "cancelled" | "failed" | "succeeded";
 
 export interface Progress {

@@ -6,7 +6,7 @@ import { words } from "./api.ts";
 import { ended, kinds, loadKinds } from "./jobs/store.ts";
 import { baseName } from "./jobs/words.ts";
 import { listGrids, listJobs, listUploads, type GridSummary, type Job, type Upload } from "./rest.ts";
-import { change, view } from "./view.ts";
+import { change, isOfGrid, view } from "./view.ts";
 
 const POLL_MS = 30_000;
 const TRANSFER = "prt-transfer";
@@ -36,7 +36,7 @@ export function startResults(): void {
   effect(() => {
     // A grid was asked for before there was one.
     const first = grids.value?.[0];
-    if (view.value.light !== "stream" && view.value.grid === null && first !== undefined) change({ grid: first.id });
+    if (isOfGrid(view.value.light) && view.value.grid === null && first !== undefined) change({ grid: first.id });
   });
 }
 

@@ -7,13 +7,14 @@ import { nowMs } from "./clock.ts";
 import type { GridState } from "./grid/info.ts";
 import type { Modulation } from "./grid/modulate.ts";
 import { LiveStream, type ConnectionState } from "./live.ts";
+import { LiveField } from "./livefield.ts";
 import type { Sample } from "./rate.ts";
-import { listStreams, type StreamDescription, type StreamSummary } from "./rest.ts";
+import { listFields, listStreams, type FieldDescription, type StreamDescription, type StreamSummary } from "./rest.ts";
 import type { Vector3 } from "./sh.ts";
 import { TimeTravel } from "./time.ts";
 import { OWN_OBJECTS, change, view } from "./view.ts";
-import type { Viewport } from "./viewport.ts";
-import type { Frame, StreamInfo, StreamStatus } from "./wire.ts";
+import type { Near, Viewport } from "./viewport.ts";
+import type { FieldMember, Frame, StreamInfo, StreamStatus } from "./wire.ts";
 
 const REFRESH_MS = 250;
 const STREAMS_MS = 3000;
@@ -39,12 +40,30 @@ export interface Snapshot {
   /** Radius of the object with what it stands on, metres; 0 before there is one. */
   objectRadius: number;
   modulation: Modulation | null;
+  /** The object beside the probes that light it, where it is. */
+  near: Near | null;
+  field: FieldSnapshot;
 }
 
-export const live = new LiveStream(document.baseURI);
+/** The subscription of a field. */
+export interface FieldSnapshot {
+  state: ConnectionState;
+  problem: string;
+  members: readonly FieldMember[];
+  /** Frames received each second, of all its streams. */
+  fps: number;
+  missed: number;
+}
+
+export const live = new LiveStream(document.baseURI, true);
+export const liveField = new LiveField(document.baseURI);
 export const streams = signal<StreamDescription[] | null>(null);
 /** Why the list of streams cannot be had, in words. */
 export const streamsProblem = signal("");
+/** Several streams whose light is combined; `null` until they are known. */
+export const fields = signal<FieldDescription[] | null>(null);
+/** Why the list of fields cannot be had, in words. */
+export const fieldsProblem = signal("");
 /** Why the object that was asked for cannot be shown, in words. */
 export const objectProblem = signal("");
 /** Whether an object is being fetched. */
@@ -68,6 +87,7 @@ export function startSession(viewport: Viewport, time: TimeTravel): void {
     }
   });
   followGrid(viewport);
+  followField();
   followObject(viewport);
   const update = () => {
     time.refresh(nowMs());
@@ -99,6 +119,15 @@ export function probeStands(): Vector3 | null {
   return (settings?.["position_m"] ?? null) as Vector3 | null;
 }
 
+function followField(): void {
+  effect(() => {
+    const { light, field } = view.value;
+    const first = fields.value?.[0]?.name;
+    if (light === "field" && field === null && first !== undefined) change({ field: first });
+    liveField.follow(light === "field" ? field : null);
+  });
+}
+
 function followObject(viewport: Viewport): void {
   let shown = "";
   effect(() => {
@@ -121,7 +150,8 @@ function followObject(viewport: Viewport): void {
 }
 
 export function chooseStream(name: string): void {
-  change({ stream: name, ev: null });
+  const isField = view.peek().light === "field";
+  change({ stream: name, ev: null, ...(isField ? { light: "stream", at: null, camera: null } : {}) });
 }
 
 /** The first stream that runs, else the first. */
@@ -134,8 +164,24 @@ async function pollStreams(): Promise<void> {
   setTimeout(() => void pollStreams(), STREAMS_MS);
 }
 
-/** Read the list of streams now. */
+/** Read the lists of streams and fields now. */
 export async function refreshStreams(): Promise<void> {
+  await Promise.all([readStreams(), readFields()]);
+}
+
+async function readFields(): Promise<void> {
+  try {
+    const list = await listFields();
+    batch(() => {
+      fields.value = list;
+      fieldsProblem.value = "";
+    });
+  } catch (error) {
+    fieldsProblem.value = words(error);
+  }
+}
+
+async function readStreams(): Promise<void> {
   try {
     const list = await listStreams();
     batch(() => {
@@ -170,5 +216,13 @@ function refresh(viewport: Viewport): void {
     grid: viewport.gridState,
     objectRadius: viewport.objectRadius,
     modulation: viewport.modulation,
+    near: viewport.near,
+    field: {
+      state: liveField.state,
+      problem: liveField.problem,
+      members: liveField.members,
+      fps: liveField.frames.perSecond(timeMs),
+      missed: liveField.missed,
+    },
   };
 }

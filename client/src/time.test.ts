@@ -5,7 +5,8 @@ import { TimeTravel, paused, timeline, type Shower } from "./time.ts";
 import type { Frame } from "./wire.ts";
 
 function light(receivedMs: number): Light {
-  return { frame: { seq: receivedMs / 100 } as Frame, coefficients: new Float32Array(75).fill(receivedMs / 1000), receivedMs };
+  const coefficients = new Float32Array(75).fill(receivedMs / 1000);
+  return { frame: { seq: receivedMs / 100 } as Frame, coefficients, gradients: null, receivedMs };
 }
 
 class Picture implements Shower {

@@ -5,6 +5,7 @@ import { DEFAULT_VIEW, formatView, parseView, type View } from "./view.ts";
 const CHANGED: View = {
   stream: "room & board",
   light: "both",
+  field: "stage",
   grid: "0b5c1e-7.grid-16x16x16",
   groups: ["0b5c1e-8.grid", "0b5c1e-9.adaptive"],
   gradients: false,
@@ -12,7 +13,9 @@ const CHANGED: View = {
   object: "0b5c1e-8",
   at: [0.25, -1.5, 2],
   size: "true",
+  radius: 0.4,
   gizmo: true,
+  probeGizmo: true,
   sliceAxis: "x",
   slice: 0.125,
   probes: false,
@@ -47,7 +50,7 @@ describe("the view in the address", () => {
 
   it("keeps the default where the address makes no sense", () => {
     const hash = "#ev=bright&camera=1,2&colour=red&gloss=7&bands=9&backdrop=sky&shadows=maybe&exponent=&other=1";
-    const objects = "#object=../x&grid=a/b&at=1,,2&light=sun&slice=2&sliceAxis=w&sampling=no&mirror=-1&tab=none&size=7&jobState=lost&jobKind=a b&groups=a,../b&gradients=2&probeAt=1";
+    const objects = "#object=../x&grid=a/b&at=1,,2&light=sun&slice=2&sliceAxis=w&sampling=no&mirror=-1&tab=none&size=7&jobState=lost&jobKind=a b&groups=a,../b&gradients=2&probeAt=1&radius=9&field=../x";
     expect(parseView(objects)).toEqual(DEFAULT_VIEW);
     expect(parseView(hash)).toEqual(DEFAULT_VIEW);
     expect(parseView("#groups=a,b,c,d").groups).toEqual([]); // with the grid itself more than are drawn

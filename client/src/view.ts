@@ -7,8 +7,8 @@ import { PAGE_BANDS } from "./sh.ts";
 
 export type BackdropMode = "picture" | "harmonics" | "off";
 export type Theme = "auto" | "dark" | "light";
-/** Where the light comes from: `both` is the grid's, modulated by the stream's. */
-export type LightSource = "stream" | "grid" | "both";
+/** Where the light comes from: `both` is the grid's, modulated by the stream's; `field`: several streams' together. */
+export type LightSource = "stream" | "grid" | "both" | "field";
 export type Axis = "x" | "y" | "z";
 /** Where a grid's light is looked up. */
 export type Sampling = "vertex" | "fragment";
@@ -16,7 +16,7 @@ export type Sampling = "vertex" | "fragment";
 export const OWN_OBJECTS = ["stilllife", "bunny", "sphere"] as const;
 export const TABS = ["scene", "streams", "jobs", "captures", "grids", "files"] as const;
 export type Tab = (typeof TABS)[number];
-/** How large the object is in a grid: so that it is well seen between the walls, or as it is in metres. */
+/** How large the object is: so that it is well seen (between a grid's walls), or as it is in metres. */
 export type Size = "fit" | "true";
 /** What of the queue is listed. */
 export const JOB_STATES = ["queued", "running", "cancelled", "failed", "succeeded"] as const;
@@ -25,25 +25,31 @@ export interface View {
   /** `null`: the page picks one. */
   stream: string | null;
   light: LightSource;
+  /** Several streams with known places; `null`: the page picks one. */
+  field: string | null;
   /** The grid's id, such as `JOB.grid`. */
   grid: string | null;
   /** Further grids over the same space: with the first they are light groups, and add up. */
   groups: readonly string[];
-  /** Whether grids are drawn with their gradients, where they have any. */
+  /** Whether gradients are used, of grids, streams and fields, where they have any. */
   gradients: boolean;
-  /** Where the live probe stands in the grid, world metres, where its stream does not say; `null`: the grid's middle. */
+  /** Where the live probe stands, world metres, where its stream does not say; `null`: the grid's middle, or the origin. */
   probeAt: readonly number[] | null;
   /** One of `OWN_OBJECTS`, or the id of a transfer job. */
   object: string;
-  /** Where the object stands in the grid, world metres; `null`: the grid's middle. */
+  /** Where the object stands, world metres; `null`: in the grid's middle, at the probe, amid the field's probes. */
   at: readonly number[] | null;
   size: Size;
+  /** Radius of a fitted object beside probes, metres. */
+  radius: number;
   /** Whether handles are shown that move the object. */
   gizmo: boolean;
+  /** Whether handles are shown that move the live probe, where its stream does not say where it stands. */
+  probeGizmo: boolean;
   /** Axis that the shown slice of the grid lies across, and where, 0 … 1. */
   sliceAxis: Axis;
   slice: number;
-  /** Whether sample spheres stand on the slice. */
+  /** Whether sample spheres stand on the grid's slice, and where live probes are. */
   probes: boolean;
   sampling: Sampling;
   /** Exposure in EV; `null`: metered, following the light slowly. */
@@ -72,6 +78,7 @@ export interface View {
 export const DEFAULT_VIEW: View = {
   stream: null,
   light: "stream",
+  field: null,
   grid: null,
   groups: [],
   gradients: true,
@@ -79,7 +86,9 @@ export const DEFAULT_VIEW: View = {
   object: "stilllife",
   at: null,
   size: "fit",
+  radius: 0.25,
   gizmo: false,
+  probeGizmo: false,
   sliceAxis: "z",
   slice: 0.5,
   probes: true,
@@ -103,6 +112,8 @@ export const DEFAULT_VIEW: View = {
 };
 
 export const EV_RANGE = { min: -8, max: 8 };
+/** Metres. */
+export const RADIUS_RANGE = { min: 0.02, max: 5 };
 export const EXPONENT_RANGE = { min: 1, max: 128 };
 
 type Codec<T> = { read: (text: string) => T | undefined; write: (value: T) => string };
@@ -149,7 +160,8 @@ const ids = (most: number): Codec<readonly string[]> => ({
 
 const CODECS: { [Key in keyof View]: Codec<NonNullable<View[Key]>> } = {
   stream: text,
-  light: choice("stream", "grid", "both"),
+  light: choice("stream", "grid", "both", "field"),
+  field: id,
   grid: id,
   groups: ids(MOST_GROUPS - 1),
   gradients: flag,
@@ -157,7 +169,9 @@ const CODECS: { [Key in keyof View]: Codec<NonNullable<View[Key]>> } = {
   object: id,
   at: numbers(3),
   size: choice("fit", "true"),
+  radius: number(RADIUS_RANGE.min, RADIUS_RANGE.max, 3),
   gizmo: flag,
+  probeGizmo: flag,
   sliceAxis: choice("x", "y", "z"),
   slice: number(0, 1, 3),
   probes: flag,
@@ -206,6 +220,11 @@ export function formatView(view: View): string {
   }
   return parts.length > 0 ? `#${parts.join("&")}` : "";
 }
+
+/** Whether the light comes from grids, with or without the live light. */
+export const isOfGrid = (light: LightSource): boolean => light === "grid" || light === "both";
+/** Whether the chosen stream lights, alone or through a grid. */
+export const isOfStream = (light: LightSource): boolean => light === "stream" || light === "both";
 
 export const view = signal<View>(DEFAULT_VIEW);
 

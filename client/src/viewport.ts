@@ -18,6 +18,8 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { apiUrl } from "./api.ts";
 import { Surroundings } from "./backdrop.ts";
 import { nowMs } from "./clock.ts";
+import { NearLight, type Probe } from "./gradients/near.ts";
+import { Probes } from "./gradients/probes.ts";
 import type { Field } from "./grid/field.ts";
 import { Gizmo } from "./grid/gizmo.ts";
 import { illuminate, middleOf, type Lighting } from "./grid/illuminate.ts";
@@ -26,6 +28,7 @@ import { limitsOf, loadField, tooLarge } from "./grid/load.ts";
 import type { Modulation } from "./grid/modulate.ts";
 import { Volume } from "./grid/volume.ts";
 import type { Light, LiveStream } from "./live.ts";
+import type { LiveField } from "./livefield.ts";
 import { DARK, LightUniforms } from "./materials.ts";
 import { loadOwnObject } from "./objects/own.ts";
 import type { Subject } from "./objects/subject.ts";
@@ -33,7 +36,7 @@ import { loadTransfer } from "./objects/transfer.ts";
 import { Rate } from "./rate.ts";
 import { meanLuminance, withBands, type Vector3 as Triple } from "./sh.ts";
 import { BOUNDS } from "./stilllife.ts";
-import { EV_RANGE, OWN_OBJECTS, change, view, type View } from "./view.ts";
+import { EV_RANGE, OWN_OBJECTS, change, isOfGrid, isOfStream, view, type View } from "./view.ts";
 import type { Backdrop } from "./wire.ts";
 
 const FIELD_OF_VIEW_DEGREES = 36;
@@ -41,6 +44,10 @@ const HOME_DIRECTION = new Vector3(0.3, -1, 0.3).normalize();
 /** Without a graphics card the cost of a picture is its pixels. */
 const SOFTWARE_PIXEL_RATIO = 0.75;
 const ARROW_LENGTH = 0.65;
+/** Beside probes the arrow is as large against the object as beside the still life. */
+const ARROW_OBJECT = 1.82;
+/** Of what is beside probes, how much wider than the object the camera frames, for what the trust radius is. */
+const FRAMED_TRUST = 2.5;
 /** Radius of the object in a grid, of the box's shortest edge (of the longest at least half of that). */
 const SIZE_IN_GRID = 0.26;
 /** Mean radiance of the light, exposed, that looks right on the objects and behind them. */
@@ -55,6 +62,19 @@ export interface Covered {
   bottom: number;
 }
 
+/** The object beside live probes, as it is shown. */
+export interface Near {
+  probes: readonly Probe[];
+  place: Triple;
+  /** Radius of the object, metres. */
+  radius: number;
+  /** Why the light of these probes cannot be combined, in words; empty where it can. */
+  problem: string;
+}
+
+/** What there is about the object: a grid, probes, or nothing but light from afar. */
+type Setting = "grid" | "probes" | "afar";
+
 export class Viewport {
   readonly drawn = new Rate();
   readonly rendererName: string;
@@ -67,6 +87,8 @@ export class Viewport {
   probeStands: Triple | null = null;
   /** The light on the objects: the newest, unless paused or held. */
   shown: Light | null = null;
+  /** The object beside the probes that light it; `null` where light comes from afar or from a grid. */
+  near: Near | null = null;
   /** How far the grid that was asked for has come. */
   gridState: GridState = NO_GRID;
   /** How the live light changes the grid's; `null` where only one of them is shown. */
@@ -80,6 +102,11 @@ export class Viewport {
   private readonly surroundings: Surroundings;
   private readonly volume = new Volume(this.light);
   private readonly gizmo: Gizmo;
+  private readonly probeGizmo: Gizmo;
+  private readonly nearLight = new NearLight();
+  private readonly probes = new Probes();
+  /** The newest light of each stream of the field, unless paused. */
+  private fieldLights: ReadonlyMap<string, Light> = new Map();
   /** The grids that are shown together: light groups, the first of which says where the box is. */
   private fields: readonly Field[] = [];
   private wantedGrids: readonly string[] = [];
@@ -105,8 +132,8 @@ export class Viewport {
   /** The user has dragged, and the motion has not come to rest. */
   private moved = false;
   private appliedCamera: View["camera"] = null;
-  /** Whether the home that was applied last is a grid's. */
-  private framesGrid = false;
+  /** What the home that was applied last is of. */
+  private setting: Setting = "afar";
   /** Light of the past that is shown instead of the newest. */
   private held: Light | null = null;
 
@@ -114,6 +141,7 @@ export class Viewport {
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly live: LiveStream,
+    private readonly liveField: LiveField,
   ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
     this.renderer.toneMapping = NeutralToneMapping;
@@ -141,15 +169,19 @@ export class Viewport {
     this.controls.addEventListener("change", () => this.surroundings.invalidate());
 
     this.surroundings = new Surroundings(this.camera, this.light);
-    this.gizmo = new Gizmo(this.camera, canvas, {
-      drag: (active) => {
-        this.controls.enabled = !active;
-        if (active) this.handled = true;
-      },
-      move: (place) => this.moveTo(place),
-      changed: () => (this.dirty = true),
-    });
-    this.scene.add(this.surroundings.mesh, this.arrow, this.volume.group, this.gizmo.group);
+    const handles = (move: (place: Triple) => void) =>
+      new Gizmo(this.camera, canvas, {
+        drag: (active) => {
+          this.controls.enabled = !active;
+          if (active) this.handled = true;
+        },
+        move,
+        changed: () => (this.dirty = true),
+      });
+    this.gizmo = handles((place) => this.moveTo(place));
+    this.probeGizmo = handles((place) => change({ probeAt: place }));
+    const { group } = this.volume;
+    this.scene.add(this.surroundings.mesh, this.arrow, group, this.probes.group, this.gizmo.group, this.probeGizmo.group);
     canvas.addEventListener("webglcontextrestored", () => {
       // A fence of the lost context would never be signalled.
       this.fence = null;
@@ -157,6 +189,7 @@ export class Viewport {
         field.forgetUpload();
         field.upload(this.renderer);
       }
+      this.nearLight.restore(this.renderer);
       this.surroundings.invalidate();
       this.dirty = true;
     });
@@ -244,14 +277,22 @@ export class Viewport {
     return this.subject?.bounds.radius ?? 0;
   }
 
-  /** Move the object in the grid by shares of the grid's edges, world axes. */
-  nudge(x: number, y: number, z: number): void {
+  /** Move the object, or the live probe, by shares of the grid's edges, or of the object's size beside probes. */
+  nudge(x: number, y: number, z: number, what: "object" | "probe" = "object"): void {
+    const edges = this.edges();
+    const value = view.peek();
+    if (edges === null || (what === "probe" && this.probeIsKnown)) return;
+    const place = what === "object" ? this.place3(value) : this.probePlace(value);
+    const moved = [x, y, z].map((share, k) => place[k]! + share * edges[k]!) as unknown as Triple;
+    if (what === "object") this.moveTo(moved);
+    else change({ probeAt: moved });
+  }
+
+  /** What a nudge is a share of; `null` where nothing can be moved. */
+  private edges(): Triple | null {
+    if (this.near !== null) return [4 * this.near.radius, 4 * this.near.radius, 4 * this.near.radius];
     const info = this.fields[0]?.info;
-    if (info === undefined) return;
-    const { lower, upper } = info;
-    const place = this.place3(view.peek());
-    const moved = [x, y, z].map((share, k) => place[k]! + share * (upper[k]! - lower[k]!));
-    this.moveTo(moved as unknown as Triple);
+    return info === undefined || !isOfGrid(view.peek().light) ? null : (info.upper.map((high, k) => high - info.lower[k]!) as unknown as Triple);
   }
 
   cover(covered: Covered): void {
@@ -305,8 +346,12 @@ export class Viewport {
     const newest = this.held ?? this.live.light;
     if ((!this.paused || this.held !== null) && newest !== this.shown) {
       this.shown = newest;
-      // A grid alone does not change with the stream: nothing to draw.
-      if (view.peek().light !== "grid") this.applyLight(view.peek());
+      // What does not depend on the stream does not change with it: nothing to draw.
+      if (isOfStream(view.peek().light)) this.applyLight(view.peek());
+    }
+    if (!this.paused && this.liveField.lights !== this.fieldLights) {
+      this.fieldLights = this.liveField.lights;
+      if (view.peek().light === "field") this.applyLight(view.peek());
     }
     this.adapt();
     if (this.live.backdrop !== null && !this.paused) {
@@ -370,7 +415,7 @@ export class Viewport {
     this.expose(value);
     this.surroundings.mesh.visible = value.backdrop !== "off";
     // A grid's light is that of another place than the picture's; a mirror wants the picture even where it is not seen.
-    const wantsPicture = value.light !== "grid" && (value.backdrop === "picture" || (value.backdrop === "off" && value.mirror > 0));
+    const wantsPicture = isOfStream(value.light) && (value.backdrop === "picture" || (value.backdrop === "off" && value.mirror > 0));
     this.surroundings.preferPicture(wantsPicture);
     this.live.setBackdrop(wantsPicture);
     if ((OWN_OBJECTS as readonly string[]).includes(value.object) && value.object !== this.wantedObject) {
@@ -380,11 +425,7 @@ export class Viewport {
       this.firstObject.catch(() => undefined);
     }
     this.applyLight(value);
-    // The camera's home depends on what there is to be framed.
-    const framesGrid = value.light !== "stream";
-    const isAtHome = value.camera === null && framesGrid === this.framesGrid;
-    this.framesGrid = framesGrid;
-    if (value.camera !== this.appliedCamera || (value.camera === null && !isAtHome)) this.applyCamera(value.camera);
+    if (value.camera !== this.appliedCamera) this.applyCamera(value.camera);
   }
 
   private applyCamera(camera: View["camera"]): void {
@@ -400,14 +441,9 @@ export class Viewport {
   }
 
   private applyLight(value: View): void {
-    const fields = value.light === "stream" ? [] : this.fields;
+    const fields = isOfGrid(value.light) ? this.fields : [];
     const place = this.place3(value);
-    const lighting = illuminate(value.light, this.shown?.coefficients ?? null, fields, {
-      place,
-      probe: this.probePlace(value),
-      gradients: value.gradients,
-      before: this.modulation?.method ?? null,
-    });
+    const lighting = this.lightingOf(value, fields, place);
     // Until there is light of the kind that is asked for, the last stays.
     if (lighting !== null) this.lighting = lighting;
     const { illumination, modulation } = this.lighting;
@@ -419,22 +455,82 @@ export class Viewport {
     this.placeSubject(value, fields, place);
     this.subject?.dress(value);
     if (this.surroundings.source === "harmonics") this.surroundings.invalidate();
-    const dominant = fields.length === 0 ? (this.shown?.frame.dominant ?? null) : null;
-    this.arrow.visible = value.arrow && dominant !== null;
-    if (dominant !== null) {
-      const direction = new Vector3(...dominant.direction);
-      const { center, radius } = this.framed();
-      this.arrow.position.copy(center).addScaledVector(direction, 0.52 * radius + ARROW_LENGTH);
-      this.arrow.setDirection(direction.negate());
-      this.arrow.setColor(hue(dominant.irradiance));
-    }
+    // The camera's home depends on what there is to be framed.
+    const setting = isOfGrid(value.light) ? "grid" : this.near !== null ? "probes" : "afar";
+    const moves = setting !== this.setting;
+    this.setting = setting;
+    if (moves && value.camera === null) this.placeAtHome();
+    this.pointArrow(value);
     this.dirty = true;
+  }
+
+  /** The light that is asked for; `null` where what it needs has not come yet. Finds out what is near. */
+  private lightingOf(value: View, fields: readonly Field[], place: Triple): Lighting | null {
+    const probes = this.nearProbes(value);
+    if (probes.length === 0) {
+      this.near = null;
+      if (value.light === "field") return null;
+      return illuminate(value.light, this.shown?.coefficients ?? null, fields, {
+        place,
+        probe: this.probePlace(value),
+        gradients: value.gradients,
+        before: this.modulation?.method ?? null,
+      });
+    }
+    const own = this.subject?.bounds.radius ?? value.radius;
+    const radius = value.size === "true" ? own : value.radius;
+    const middle = (value.at ?? middleBetween(probes)) as Triple;
+    this.near = { probes, place: middle, radius, problem: "" };
+    try {
+      return this.nearLight.illuminate(probes, { middle, radius }, value.gradients, this.renderer);
+    } catch (error) {
+      this.near = { ...this.near, problem: (error as Error).message };
+      return null;
+    }
+  }
+
+  /** The probes whose light depends on the place: a field's, or that of a stream with gradients. */
+  private nearProbes(value: View): Probe[] {
+    if (value.light === "field") {
+      return this.liveField.members.flatMap(({ stream: name }) => {
+        const light = this.fieldLights.get(name);
+        const position = light?.frame.position ?? null;
+        return light === undefined || position === null ? [] : [{ name, position, light }];
+      });
+    }
+    if (value.light !== "stream" || this.shown === null || this.shown.gradients === null) return [];
+    return [{ name: value.stream ?? "", position: this.probePlace(value), light: this.shown }];
+  }
+
+  private pointArrow({ light, arrow }: View): void {
+    const dominant = light === "stream" ? (this.shown?.frame.dominant ?? null) : null;
+    this.arrow.visible = arrow && dominant !== null;
+    if (dominant === null) return;
+    const direction = new Vector3(...dominant.direction);
+    const { center, radius } = this.near === null ? this.framed() : new Sphere(new Vector3(...this.near.place), this.near.radius);
+    const scale = this.near === null ? 1 : radius / ARROW_OBJECT;
+    this.arrow.position.copy(center).addScaledVector(direction, 0.52 * radius + scale * ARROW_LENGTH);
+    this.arrow.scale.setScalar(scale);
+    this.arrow.setDirection(direction.negate());
+    this.arrow.setColor(hue(dominant.irradiance));
   }
 
   /** Put the object where it belongs, and show the grid around it. */
   private placeSubject(value: View, fields: readonly Field[], place: Triple): void {
-    const { subject, volume } = this;
+    const { subject, volume, near } = this;
     const [first] = fields;
+    const movable = !this.probeIsKnown && (near !== null || (value.light === "both" && first !== undefined));
+    if (value.probeGizmo && movable) this.probeGizmo.show(this.probePlace(value));
+    else this.probeGizmo.hide();
+    if (near !== null && value.probes) this.probes.show(near.probes, near.radius, value.bands);
+    else this.probes.hide();
+    if (near !== null) {
+      volume.hide();
+      subject?.place(new Vector3(...near.place), near.radius / subject.bounds.radius);
+      if (value.gizmo) this.gizmo.show(near.place);
+      else this.gizmo.hide();
+      return;
+    }
     if (first === undefined) {
       volume.hide();
       this.gizmo.hide();
@@ -450,18 +546,23 @@ export class Viewport {
     else this.gizmo.hide();
   }
 
-  /** Where the object is in the grid: within the box, in the middle where nothing else is said. */
-  private place3({ at }: View): Triple {
-    const info = this.fields[0]?.info;
-    if (info === undefined) return [0, 0, 0];
+  /** Where the object is: in a grid within the box, in its middle where nothing else is said. */
+  private place3({ at, light }: View): Triple {
+    const info = isOfGrid(light) ? this.fields[0]?.info : undefined;
+    if (info === undefined) return (at ?? this.near?.place ?? [0, 0, 0]) as Triple;
     return (at ?? middleOf(info)).map((value, k) => Math.min(Math.max(value, info.lower[k]!), info.upper[k]!)) as unknown as Triple;
   }
 
   /** Where the live probe stands: as its frames or its stream say, else as the user says, else in the grid's middle. */
-  private probePlace({ probeAt }: View): Triple {
-    const info = this.fields[0]?.info;
+  private probePlace({ probeAt, light }: View): Triple {
+    const info = isOfGrid(light) ? this.fields[0]?.info : undefined;
     const known = this.shown?.frame.position ?? this.probeStands;
     return (known ?? probeAt ?? (info === undefined ? [0, 0, 0] : middleOf(info))) as Triple;
+  }
+
+  /** Whether the light itself says where its probes stand. */
+  private get probeIsKnown(): boolean {
+    return view.peek().light === "field" || (this.shown?.frame.position ?? this.probeStands) !== null;
   }
 
   private moveTo(place: Triple): void {
@@ -500,7 +601,8 @@ export class Viewport {
   /** What the camera frames. */
   private framed(): Sphere {
     const info = this.fields[0]?.info;
-    if (info !== undefined && view.peek().light !== "stream") {
+    if (this.near !== null) return sphereAround(this.near);
+    if (info !== undefined && isOfGrid(view.peek().light)) {
       const { lower, upper } = info;
       const [low, high] = [new Vector3(...lower), new Vector3(...upper)];
       return new Sphere(low.clone().add(high).multiplyScalar(0.5), 0.52 * low.distanceTo(high));
@@ -577,6 +679,22 @@ export class Viewport {
 function hue(rgb: readonly [number, number, number]): Color {
   const largest = Math.max(...rgb, 1e-6);
   return new Color(...(rgb.map((value) => Math.max(0, value) / largest) as [number, number, number]));
+}
+
+/** The middle of the box about the probes: of one, where it stands. */
+function middleBetween(probes: readonly Probe[]): Triple {
+  return [0, 1, 2].map((k) => {
+    const values = probes.map(({ position }) => position[k]!);
+    return (Math.min(...values) + Math.max(...values)) / 2;
+  }) as unknown as Triple;
+}
+
+/** What is seen of an object and the probes beside it, and of how far these are trusted. */
+function sphereAround({ probes, place, radius }: Near): Sphere {
+  const trusted = Math.max(...probes.map(({ light }) => light.frame.trust_radius_m ?? 0));
+  const sphere = new Sphere(new Vector3(...place), Math.max(1.25 * radius, Math.min(1.1 * trusted, FRAMED_TRUST * radius)));
+  for (const { position } of probes) sphere.union(new Sphere(new Vector3(...position), 0.4 * radius));
+  return sphere;
 }
 
 /** How large an object is shown in a grid: whatever its own size, it is to be seen between the walls. */

@@ -51,6 +51,9 @@ class Publisher:
         self.settings = {"source": "synthetic:test"} | settings
         self.coefficients = distant_light((0, 0, 1))
         self.backdrop = np.full((32, 64, 3), 0.2)
+        self.gradients: NDArray[np.float64] | None = None
+        self.position: tuple[float, float, float] | None = None
+        self.trust_radius_m: float | None = None
         self.quality = wire.Quality(blind_fraction=0.021, nan=3)
         self.silent = threading.Event()
         """While set, the worker stays connected and sends no frame."""
@@ -101,6 +104,9 @@ class Publisher:
             publish_time_ns=now,
             bands=BANDS,
             coefficients=wire.pack_coefficients(self.coefficients),
+            position=self.position,
+            gradients=None if self.gradients is None else wire.pack_coefficients(self.gradients.reshape(-1, 3)),
+            trust_radius_m=self.trust_radius_m,
             window=wire.WindowUsed(kind="auto", weights=[1.0] * BANDS, strength=0.012),
             dominant=wire.DominantLight(
                 direction=(float(direction[0]), float(direction[1]), float(direction[2])),

@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { Commands, helpIsOpen, isWide, message } from "../commands.ts";
 import { startJobs } from "../jobs/store.ts";
 import { startResults } from "../results.ts";
-import { live, startSession, streams, streamsProblem } from "../session.ts";
+import { live, liveField, startSession, streams, streamsProblem } from "../session.ts";
 import { TimeTravel } from "../time.ts";
 import { resumeArrivals } from "../uploads.ts";
 import { TABS, change, view } from "../view.ts";
@@ -62,7 +62,7 @@ export function App() {
   useEffect(() => {
     let viewport: Viewport;
     try {
-      viewport = new Viewport(canvas.current!, live);
+      viewport = new Viewport(canvas.current!, live, liveField);
     } catch (error) {
       failure.value = `This browser offers no WebGL 2, which the picture needs. ${(error as Error).message}`;
       return;
@@ -87,7 +87,7 @@ export function App() {
         change({ tab, panel: true });
         return;
       }
-      if (made.press(event.key.toLowerCase(), target === canvas.current)) event.preventDefault();
+      if (made.press(event.key.toLowerCase(), target === canvas.current, event.shiftKey)) event.preventDefault();
     });
     startSession(viewport, time);
     startJobs();

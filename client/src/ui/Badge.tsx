@@ -15,6 +15,7 @@ const STILL = /^upload:/;
 /** The light in a word or two: whose it is, and whether it comes. */
 export function describe(now: Snapshot | null, isPaused: boolean, source: LightSource): Look {
   if (source === "stream") return describeStream(now, isPaused);
+  if (source === "field") return describeField(now, isPaused);
   const grid = describeGrid(now);
   if (source === "grid" || grid.tone !== "good") return grid;
   const stream = describeStream(now, isPaused);
@@ -27,6 +28,27 @@ function describeGrid(now: Snapshot | null): Look {
   if (grid.problem !== "") return { tone: "bad", text: "No grid" };
   if (grid.loading < 1) return { tone: "busy", text: "Loading the grid" };
   return grid.info === null ? { tone: "quiet", text: "No grid" } : { tone: "good", text: "Grid" };
+}
+
+function describeField(now: Snapshot | null, isPaused: boolean): Look {
+  switch (now?.field.state) {
+    case undefined:
+    case "idle":
+      return { tone: "quiet", text: "No field" };
+    case "connecting":
+      return { tone: "busy", text: "Connecting" };
+    case "waiting":
+      return { tone: "busy", text: "Waiting for light" };
+    case "retrying":
+      return { tone: "bad", text: "Reconnecting" };
+    case "refused":
+      return { tone: "bad", text: "Refused" };
+    case "stalled":
+      return { tone: "busy", text: "Stalled" };
+    case "live":
+      if (isPaused) return { tone: "quiet", text: "Paused" };
+      return { tone: "good", text: `Field of ${now.near?.probes.length ?? 0}` };
+  }
 }
 
 function describeStream(now: Snapshot | null, isPaused: boolean): Look {

@@ -11,7 +11,7 @@ import { deleteUpload, type Job, type StreamDescription, type Upload } from "../
 import { refreshResults, transfers, uploads, uploadsProblem } from "../results.ts";
 import { chooseStream, refreshStreams, streams } from "../session.ts";
 import { ON_A_TABLE, streamOf, takeFiles } from "../uploads.ts";
-import { change, view } from "../view.ts";
+import { change, isOfStream, view } from "../view.ts";
 import { ConfirmButton, Nothing, Wrong } from "./controls.tsx";
 import { FileButton } from "./FileButton.tsx";
 
@@ -53,7 +53,7 @@ function FileCard({ upload }: { upload: Upload }) {
   const newest = uses.objects[0];
   const [stream] = uses.streams;
   const { object, stream: followed, light } = view.value;
-  const isShown = upload.kind === "mesh" ? uses.objects.some(({ id }) => id === object) : followed === stream?.name && light !== "grid";
+  const isShown = upload.kind === "mesh" ? uses.objects.some(({ id }) => id === object) : followed === stream?.name && isOfStream(light);
   const attempt = (work: () => Promise<unknown>) => {
     problem.value = "";
     work().catch((error: unknown) => (problem.value = words(error)));

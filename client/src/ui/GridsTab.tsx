@@ -8,7 +8,7 @@ import { ago, bytes, point } from "../jobs/words.ts";
 import { getGrid, sampleGrid, type GridSummary, type JsonObject, type PointSample } from "../rest.ts";
 import { grids, gridsProblem, refreshResults } from "../results.ts";
 import { irradiance, luminance } from "../sh.ts";
-import { change, view } from "../view.ts";
+import { change, isOfGrid, view } from "../view.ts";
 import { showPicture } from "./PictureDialog.tsx";
 import { Choice, Command, Meter, Nothing, Wrong } from "./controls.tsx";
 
@@ -132,7 +132,7 @@ function GridDetails({ grid }: { grid: GridSummary }) {
 /** Add a grid to the one that is shown, or take it away again. */
 function GroupButton({ id }: { id: string }) {
   const { grid, groups, light } = view.value;
-  if (light === "stream" || grid === null || grid === id) return null;
+  if (!isOfGrid(light) || grid === null || grid === id) return null;
   if (groups.includes(id)) {
     return (
       <button type="button" onClick={() => change({ groups: groups.filter((item) => item !== id) })}>
@@ -153,8 +153,8 @@ function GroupButton({ id }: { id: string }) {
 
 function GridCard({ grid }: { grid: GridSummary }) {
   const { grid: chosen, groups, light } = view.value;
-  const isFirst = chosen === grid.id && light !== "stream";
-  const isShown = isFirst || (groups.includes(grid.id) && light !== "stream");
+  const isFirst = chosen === grid.id && isOfGrid(light);
+  const isShown = isFirst || (groups.includes(grid.id) && isOfGrid(light));
   const open = useSignal(false);
   return (
     <article class={isShown ? "card chosen" : "card"} aria-label={gridLabel(grid)} data-testid="grid">

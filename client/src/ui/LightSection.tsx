@@ -5,15 +5,17 @@ import { point } from "../jobs/words.ts";
 import { grids } from "../results.ts";
 import { snapshot } from "../session.ts";
 import { PAGE_BANDS } from "../sh.ts";
-import { change, view, type Axis, type LightSource, type Sampling } from "../view.ts";
+import { change, isOfGrid, isOfStream, view, type Axis, type LightSource } from "../view.ts";
 import { Coefficients } from "./Coefficients.tsx";
 import { gridLabel } from "./GridsTab.tsx";
+import { FieldPicker, NearControls, SAMPLINGS } from "./NearControls.tsx";
 import { ProbePlace } from "./ProbePlace.tsx";
 import { Choice, Meter, Section, Slider, Toggle, Wrong } from "./controls.tsx";
 
 const SOURCES: { value: LightSource; label: string; hint: string }[] = [
-  { value: "stream", label: "Live", hint: "The live probe lights everything alike" },
+  { value: "stream", label: "Live", hint: "One live probe: everything alike, or by its gradients" },
   { value: "grid", label: "Grid", hint: "A captured field: the light depends on the place" },
+  { value: "field", label: "Field", hint: "Several live probes with known places light what is between them" },
   { value: "both", label: "Both", hint: "The field, changed as the live probe has changed since" },
 ];
 const BANDS = Array.from({ length: PAGE_BANDS }, (_, i) => ({
@@ -26,18 +28,16 @@ const AXES: { value: Axis; label: string; hint: string }[] = [
   { value: "y", label: "y", hint: "The slice lies across the y axis" },
   { value: "z", label: "z", hint: "The slice is level" },
 ];
-const SAMPLINGS: { value: Sampling; label: string; hint: string }[] = [
-  { value: "vertex", label: "Vertex", hint: "The field is looked up at each vertex: fast" },
-  { value: "fragment", label: "Pixel", hint: "The field is looked up at each pixel: exact, and slow without a graphics card" },
-];
 
 /** Choose where the light comes from; the first grid where none was chosen. */
 function chooseSource(light: LightSource): void {
   const before = view.peek();
   // A place from which one sees a grid is none from which one sees the object, and the other way round.
-  const camera = (before.light === "stream") === (light === "stream") ? before.camera : null;
-  const grid = light === "stream" ? before.grid : (before.grid ?? grids.peek()?.[0]?.id ?? null);
-  change({ light, camera, grid });
+  const camera = before.light === light || (isOfGrid(before.light) && isOfGrid(light)) ? before.camera : null;
+  // A place in a grid means nothing beside probes.
+  const at = isOfGrid(before.light) === isOfGrid(light) ? before.at : null;
+  const grid = !isOfGrid(light) ? before.grid : (before.grid ?? grids.peek()?.[0]?.id ?? null);
+  change({ light, camera, grid, at });
 }
 
 /** Show another grid, with the same groups beside it. */
@@ -48,7 +48,7 @@ function chooseGrid(grid: string): void {
 function GridPicker() {
   const { grid, light } = view.value;
   const list = grids.value ?? [];
-  if (light === "stream") return null;
+  if (!isOfGrid(light)) return null;
   if (grid === null && list.length === 0 && unfinished.value.some(({ kind }) => kind === "ilf-grid")) {
     return (
       <p class="hint">
@@ -227,11 +227,13 @@ export function LightSection() {
     <Section title="Light" aside={`${bands ** 2} of ${(snapshot.value?.frame?.bands ?? PAGE_BANDS) ** 2} coefficients`}>
       <Choice label="Light from" value={light} options={SOURCES} onChange={chooseSource} />
       <GridPicker />
-      {light !== "stream" && <Groups />}
+      <FieldPicker />
+      {!isOfGrid(light) && <NearControls />}
+      {isOfGrid(light) && <Groups />}
       {light === "both" && <ProbePlace />}
       <ModulationWords />
-      {light !== "stream" && view.value.grid !== null && <GridControls />}
-      {light !== "grid" && (
+      {isOfGrid(light) && view.value.grid !== null && <GridControls />}
+      {isOfStream(light) && (
         <>
           <Coefficients />
           <Toggle

@@ -2,8 +2,8 @@ import { ACCEPTED } from "../files.ts";
 import { subjectOf, transfers } from "../results.ts";
 import { objectIsComing, objectProblem, snapshot } from "../session.ts";
 import { takeFiles } from "../uploads.ts";
-import { OWN_OBJECTS, change, view, type Size } from "../view.ts";
-import { Choice, Meter, Section, Wrong } from "./controls.tsx";
+import { DEFAULT_VIEW, OWN_OBJECTS, RADIUS_RANGE, change, isOfGrid, view, type Size } from "../view.ts";
+import { Choice, Meter, Section, Slider, Wrong } from "./controls.tsx";
 import { FileButton } from "./FileButton.tsx";
 
 const LABELS: Record<(typeof OWN_OBJECTS)[number], string> = {
@@ -13,7 +13,7 @@ const LABELS: Record<(typeof OWN_OBJECTS)[number], string> = {
 };
 
 const SIZES: { value: Size; label: string; hint: string }[] = [
-  { value: "fit", label: "Fitted", hint: "As large as is well seen between the grid's walls" },
+  { value: "fit", label: "Fitted", hint: "As large as is well seen between a grid's walls, or as you say" },
   { value: "true", label: "True", hint: "As large as it is, in metres" },
 ];
 
@@ -22,7 +22,7 @@ function SizeInGrid() {
   const { light, size } = view.value;
   const now = snapshot.value;
   const info = now?.grid.info ?? null;
-  if (light === "stream" || now === null) return null;
+  if (!isOfGrid(light) || now === null) return null;
   const edges = info?.upper.map((high, k) => Number((high - info.lower[k]!).toPrecision(2))) ?? [];
   return (
     <>
@@ -31,6 +31,33 @@ function SizeInGrid() {
         <p class="hint" data-testid="sizes">
           {`${(2 * now.objectRadius).toPrecision(2)} m across, ground included; the grid is ${edges.join(" × ")} m.`}
         </p>
+      )}
+    </>
+  );
+}
+
+/** How large the object is beside live probes. */
+function SizeBesideProbes() {
+  const { size, radius } = view.value;
+  const now = snapshot.value;
+  if (now === null || now.near === null) return null;
+  return (
+    <>
+      <Choice label="Size" value={size} options={SIZES} onChange={(value) => change({ size: value })} />
+      {size === "fit" ? (
+        <Slider
+          label="Radius"
+          value={Math.log2(radius)}
+          min={Math.log2(RADIUS_RANGE.min)}
+          max={Math.log2(RADIUS_RANGE.max)}
+          step={0.02}
+          shown={`${radius.toPrecision(2)} m`}
+          hint="Of the sphere about the object: what is larger is farther from the probe"
+          onInput={(log) => change({ radius: Math.min(RADIUS_RANGE.max, Math.max(RADIUS_RANGE.min, 2 ** log)) })}
+          onReset={() => change({ radius: DEFAULT_VIEW.radius })}
+        />
+      ) : (
+        <p class="hint">{`${(2 * now.objectRadius).toPrecision(2)} m across, ground included.`}</p>
       )}
     </>
   );
@@ -62,6 +89,7 @@ export function ObjectSection() {
       {objectIsComing.value && <Meter label="Fetching the object" share={null} />}
       <Wrong text={objectProblem.value} />
       <SizeInGrid />
+      <SizeBesideProbes />
       <FileButton accept={ACCEPTED} onFiles={takeFiles}>
         Add a mesh or a map…
       </FileButton>

@@ -1,7 +1,7 @@
 import type { Commands } from "../commands.ts";
 import { snapshot } from "../session.ts";
 import { PAGE_BANDS, phongTruncation } from "../sh.ts";
-import { DEFAULT_VIEW, EV_RANGE, EXPONENT_RANGE, change, view, type BackdropMode, type Theme } from "../view.ts";
+import { DEFAULT_VIEW, EV_RANGE, EXPONENT_RANGE, change, isOfStream, view, type BackdropMode, type Theme } from "../view.ts";
 import { LightSection } from "./LightSection.tsx";
 import { ObjectSection } from "./ObjectSection.tsx";
 import { StreamPicker } from "./StreamPicker.tsx";
@@ -111,7 +111,7 @@ function MaterialSection() {
 export function SceneTab({ commands }: { commands: Commands }) {
   return (
     <>
-      {view.value.light !== "grid" && <StreamPicker commands={commands} />}
+      {isOfStream(view.value.light) && <StreamPicker commands={commands} />}
       <LightSection />
       <ObjectSection />
       <MaterialSection />

@@ -7,12 +7,13 @@ import { changeStream, createStream, deleteStream, getStream, type StreamDescrip
 import { chooseStream, refreshStreams, snapshot, streams } from "../session.ts";
 import { streamFields } from "../streams.ts";
 import { change, view } from "../view.ts";
+import { FieldsSection } from "./FieldsSection.tsx";
 import { Health } from "./Health.tsx";
 import { LatencyGraph } from "./LatencyGraph.tsx";
 import { SchemaForm } from "./SchemaForm.tsx";
 import { ConfirmButton, Meter, Nothing, Section, Wrong } from "./controls.tsx";
 
-const BASIC = ["source", "mapping.kind", "filter.tau_seconds", "window.kind", "enabled"];
+const BASIC = ["source", "mapping.kind", "filter.tau_seconds", "window.kind", "position_m", "gradients.proxy", "enabled"];
 const TONES: Record<string, string> = {
   running: "good",
   starting: "busy",
@@ -230,6 +231,7 @@ export function StreamsTab() {
       {list?.map((stream) => (
         <StreamCard key={stream.name} stream={stream} />
       ))}
+      {(list?.length ?? 0) > 0 && <FieldsSection />}
       <Section title="Latency" aside="ms, capture to page">
         <LatencyGraph />
       </Section>
