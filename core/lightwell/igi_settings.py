@@ -46,8 +46,8 @@ class IgiSettings(Settings):
         1.0,
         ge=0,
         le=16,
-        description="least distance to a virtual light, in radii of the disc that it stands for; against bright spots"
-        " in corners, which it darkens; 0: none",
+        description="a virtual light adds no more than if it faced the surface from so many radii of the disc that it"
+        " stands for; against bright spots in corners, which it darkens; 0: no bound",
     )
     filter: IgiFilter = Field(
         "sh",

@@ -218,7 +218,7 @@ def render_igi(
     tile
         Pixels along each side of a tile: more take more memory and do less work twice.
     threads
-        How many work at once; by default as many as this process may use cores.
+        How many work at once; by default as many as there are cores.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def render_igi(
     require_outside(renderer.surfaces, camera)
     tiles = cut(size, tile)
     parts: list[tuple[Tile, IgiRendering]] = []
-    with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         futures = [pool.submit(renderer.tile, camera, size, one, check) for one in tiles]
         try:
             for one, future in zip(tiles, futures, strict=True):
