@@ -16,10 +16,9 @@ export function addLimited(coefficients: Float64Array, change: Float64Array): vo
 }
 
 /** Add `weight · G·step` to `sum`; `gradients` are `(bands², 3, 3)`: coefficient, channel, ∂/∂(x, y, z) per metre. */
-export function addChange(sum: Float64Array, gradients: Coefficients, [x, y, z]: Vector3, weight: number): void {
-  for (let i = 0; i < sum.length; i++) {
-    sum[i]! += weight * (gradients[3 * i]! * x + gradients[3 * i + 1]! * y + gradients[3 * i + 2]! * z);
-  }
+export function addChange(sum: Float64Array, gradients: Coefficients, step: Vector3, weight: number): void {
+  const [x, y, z] = [weight * step[0], weight * step[1], weight * step[2]];
+  for (let i = 0, k = 0; i < sum.length; i++, k += 3) sum[i]! += gradients[k]! * x + gradients[k + 1]! * y + gradients[k + 2]! * z;
 }
 
 /** The coefficients at `offset` metres from where they were sampled: `c + s · (G·d)`. */

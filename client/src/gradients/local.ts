@@ -13,7 +13,7 @@ import { PAGE_BANDS, type Vector3 } from "../sh.ts";
 import type { Mix, Places, SampleSet } from "./samples.ts";
 
 /** Nodes along each edge. */
-export const NODES = 9;
+export const NODES = 7;
 const COUNT = PAGE_BANDS * PAGE_BANDS;
 const GROUPS = COUNT >> 2;
 
@@ -50,8 +50,9 @@ export class LocalField {
   fill(samples: SampleSet, middle: Vector3, radius: number, base: Float32Array, renderer: WebGLRenderer | null): void {
     this.mixFor(samples.places, middle, radius);
     let largest = 0;
+    const values = new Float64Array(3 * COUNT);
     this.mixes.forEach((mix, node) => {
-      const values = samples.mixed(mix);
+      samples.mixed(mix, values);
       for (let i = 0; i < values.length; i++) {
         const departure = values[i]! - base[i]!;
         this.departures[values.length * node + i] = departure;
@@ -60,13 +61,14 @@ export class LocalField {
     });
     // Halves are exact to a part in 2000 over a wide range; what is to come is kept away from its ends.
     this.info.scale = largest > 0 ? largest : 1;
-    for (let node = 0; node < this.mixes.length; node++) {
-      for (let i = 0; i < COUNT; i++) {
-        const lone = i >> 2 === GROUPS;
-        for (let channel = 0; channel < 3; channel++) {
+    for (let i = 0; i < COUNT; i++) {
+      const lone = i >> 2 === GROUPS;
+      for (let channel = 0; channel < 3; channel++) {
+        const tile = this.tiles[lone ? 3 * GROUPS : 3 * (i >> 2) + channel]!;
+        const lane = lone ? channel : i & 3;
+        for (let node = 0; node < NODES ** 3; node++) {
           const value = this.departures[3 * (COUNT * node + i) + channel]! / this.info.scale;
-          const tile = this.tiles[lone ? 3 * GROUPS : 3 * (i >> 2) + channel]!;
-          tile[4 * node + (lone ? channel : i & 3)] = DataUtils.toHalfFloat(value);
+          tile[4 * node + lane] = DataUtils.toHalfFloat(value);
         }
       }
     }

@@ -32,8 +32,9 @@ export class Places {
   private readonly origin: Vector3;
   private readonly axes: Vector3[];
   private readonly local: Rows;
-  private readonly simplices: { corners: number[]; toShares: Rows }[] = [];
-  private readonly hull: number[][] = [];
+  private readonly simplices: { corners: number[]; toShares: Float64Array }[] = [];
+  /** Facets, edges and corners of the hull, with what projects onto each. */
+  private readonly hull: { corners: number[]; start: number[]; edges: Rows; toShares: Rows }[] = [];
 
   /** Raises `RangeError` where there is no sample, or two share a place. */
   constructor(readonly positions: readonly Vector3[]) {
@@ -51,26 +52,43 @@ export class Places {
     this.local = spread.map((place) => times(this.axes, place));
     if (this.axes.length === 0) return;
     const { simplices, hull } = triangulate(this.local);
-    this.simplices = simplices.map((corners) => ({ corners, toShares: barycentric(corners.map((k) => [...this.local[k]!, 1])) }));
-    this.hull = hull;
+    this.simplices = simplices.map((corners) => ({
+      corners,
+      toShares: Float64Array.from(barycentric(corners.map((k) => [...this.local[k]!, 1])).flat()),
+    }));
+    this.hull = this.facesOf(hull);
   }
 
   /** Barycentric weights of the samples at the point of their hull that is nearest to `point`. */
   locate(point: Vector3): number[] {
-    const weights = this.positions.map(() => 0);
     if (this.axes.length === 0) return [1];
     const local = times(this.axes, minus(point, this.origin));
-    let best = { lowest: -Infinity, shares: [] as number[], corners: [] as number[] };
-    for (const { corners, toShares } of this.simplices) {
-      const shares = times(toShares, [...local, 1]);
-      const lowest = Math.min(...shares);
-      if (lowest > best.lowest) best = { lowest, shares, corners };
-    }
-    if (best.lowest < -1e-9) best = { lowest: 0, ...this.nearestOnHull(local) };
-    const shares = best.shares.map((share) => Math.max(share, 0));
-    const total = shares.reduce((sum, share) => sum + share, 0);
-    best.corners.forEach((corner, k) => (weights[corner] = shares[k]! / total));
+    const { corners, shares } = this.inSimplex(local) ?? this.nearestOnHull(local);
+    const positive = shares.map((share) => Math.max(share, 0));
+    const total = positive.reduce((sum, share) => sum + share, 0);
+    const weights = this.positions.map(() => 0);
+    corners.forEach((corner, k) => (weights[corner] = positive[k]! / total));
     return weights;
+  }
+
+  /** The simplex that a point is in; `null`: none. */
+  private inSimplex(local: readonly number[]): { corners: number[]; shares: number[] } | null {
+    const size = local.length + 1;
+    const share = (matrix: Float64Array, row: number) => {
+      let sum = matrix[row * size + local.length]!;
+      for (let k = 0; k < local.length; k++) sum += matrix[row * size + k]! * local[k]!;
+      return sum;
+    };
+    let best = this.simplices[0]!;
+    let highest = -Infinity;
+    for (const simplex of this.simplices) {
+      let lowest = Infinity;
+      // What is already lower than the best need not be known.
+      for (let row = 0; row < size && lowest > highest; row++) lowest = Math.min(lowest, share(simplex.toShares, row));
+      if (lowest > highest) [best, highest] = [simplex, lowest];
+    }
+    if (highest < -1e-9) return null;
+    return { corners: best.corners, shares: best.corners.map((_, row) => share(best.toShares, row)) };
   }
 
   /** At a point: weights of linear precision, and each sample's step. */
@@ -90,23 +108,33 @@ export class Places {
     return this.origin.map((from, k) => from + this.axes.reduce((sum, axis, i) => sum + local[i]! * axis[k]!, 0));
   }
 
-  /** The facet of the hull, or the edge or corner of one, that is nearest. */
-  private nearestOnHull(local: readonly number[]): { corners: number[]; shares: number[] } {
-    let best = { distance: Infinity, corners: [] as number[], shares: [] as number[] };
-    for (const facet of this.hull) {
+  private facesOf(facets: number[][]): Places["hull"] {
+    const faces = new Map<string, number[]>();
+    for (const facet of facets) {
       for (let subset = 1; subset < 1 << facet.length; subset++) {
         const corners = facet.filter((_, k) => ((subset >> k) & 1) === 1);
-        const [start, ...others] = corners.map((k) => this.local[k]!) as [number[], ...number[][]];
-        const edges = others.map((corner) => minus(corner, start));
-        const toPoint = minus(local, start);
-        const gram = edges.map((one) => edges.map((other) => dot(one, other)));
-        const rest = edges.length === 0 ? [] : times(inverse(gram), edges.map((edge) => dot(edge, toPoint)));
-        const shares = [1 - rest.reduce((sum, share) => sum + share, 0), ...rest];
-        if (shares.some((share) => share < -1e-12)) continue;
-        const foot = start.map((from, k) => from + rest.reduce((sum, share, i) => sum + share * edges[i]![k]!, 0));
-        const distance = Math.hypot(...minus(local, foot));
-        if (distance < best.distance) best = { distance, corners, shares };
+        faces.set(corners.join(), corners);
       }
+    }
+    return [...faces.values()].map((corners) => {
+      const [start, ...others] = corners.map((k) => this.local[k]!) as [number[], ...number[][]];
+      const edges = others.map((corner) => minus(corner, start));
+      const gram = edges.map((one) => edges.map((other) => dot(one, other)));
+      const toShares = edges.length === 0 ? [] : inverse(gram).map((row) => start.map((_, k) => row.reduce((sum, value, i) => sum + value * edges[i]![k]!, 0)));
+      return { corners, start, edges, toShares };
+    });
+  }
+
+  /** The facet of the hull, or the edge or corner of one, that is nearest: that on which the foot is and is nearest. */
+  private nearestOnHull(local: readonly number[]): { corners: number[]; shares: number[] } {
+    let best = { distance: Infinity, corners: [] as number[], shares: [] as number[] };
+    for (const { corners, start, edges, toShares } of this.hull) {
+      const toPoint = minus(local, start);
+      const rest = times(toShares, toPoint);
+      const first = rest.reduce((left, share) => left - share, 1);
+      if (first < -1e-12 || rest.some((share) => share < -1e-12)) continue;
+      const distance = toPoint.reduce((sum, value, k) => sum + (value - rest.reduce((at, share, i) => at + share * edges[i]![k]!, 0)) ** 2, 0);
+      if (distance < best.distance) best = { distance, corners, shares: [first, ...rest] };
     }
     return best;
   }
@@ -115,12 +143,14 @@ export class Places {
 /** Samples of light at a few places, and the light between and near them. Gradients count where all samples have them. */
 export class SampleSet {
   readonly gradients: boolean;
+  private readonly change: Float64Array;
 
   /** `places`: of an earlier set with the same positions. Raises as `Places`. */
   constructor(
     readonly samples: readonly Sample[],
     readonly places = new Places(samples.map(({ position }) => position)),
   ) {
+    this.change = new Float64Array(samples[0]!.coefficients.length);
     this.gradients = samples.every(({ gradients }) => gradients !== null);
   }
 
@@ -128,10 +158,10 @@ export class SampleSet {
     return this.mixed(this.places.mix(point));
   }
 
-  /** The coefficients `Σ W_k (c_k + G_k·step_k)`, with the step's limit. */
-  mixed({ weights, steps }: Mix): Float64Array {
-    const values = new Float64Array(this.samples[0]!.coefficients.length);
-    const change = new Float64Array(values.length);
+  /** The coefficients `Σ W_k (c_k + G_k·step_k)`, with the step's limit; into `values` where they are given. */
+  mixed({ weights, steps }: Mix, values = new Float64Array(this.samples[0]!.coefficients.length)): Float64Array {
+    values.fill(0);
+    const change = this.change.fill(0);
     this.samples.forEach(({ coefficients, gradients }, k) => {
       const weight = weights[k]!;
       if (weight === 0) return;

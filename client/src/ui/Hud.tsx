@@ -1,4 +1,5 @@
 import { snapshot } from "../session.ts";
+import { view } from "../view.ts";
 
 function Figure({ name, value, unit, title }: { name: string; value: string; unit?: string; title: string }) {
   return (
@@ -17,7 +18,9 @@ export function Hud() {
   const now = snapshot.value;
   if (now === null) return null;
   const render = now.renderFps < 0.5 ? "idle" : now.renderFps.toFixed(0);
-  const latency = now.latencyMs === null ? "–" : now.latencyMs.toFixed(now.latencyMs < 10 ? 1 : 0);
+  const isField = view.value.light === "field";
+  const fps = isField ? now.field.fps : now.streamFps;
+  const latency = isField || now.latencyMs === null ? "–" : now.latencyMs.toFixed(now.latencyMs < 10 ? 1 : 0);
   return (
     <dl class="hud" aria-label="Measurements">
       <Figure
@@ -26,14 +29,19 @@ export function Hud() {
         {...(render === "idle" ? {} : { unit: "fps" })}
         title="Pictures drawn each second; nothing is drawn while nothing changes"
       />
-      <Figure name="Stream" value={now.streamFps.toFixed(now.streamFps < 10 ? 1 : 0)} unit="fps" title="Frames received each second" />
+      <Figure
+        name={isField ? "Field" : "Stream"}
+        value={fps.toFixed(fps < 10 ? 1 : 0)}
+        unit="fps"
+        title={isField ? "Frames received each second, of all its streams" : "Frames received each second"}
+      />
       <Figure
         name="Latency"
         value={latency}
-        {...(now.latencyMs === null ? {} : { unit: "ms" })}
+        {...(latency === "–" ? {} : { unit: "ms" })}
         title={`Median of two seconds: ${now.latencyLabel}`}
       />
-      <Figure name="Missed" value={String(now.missed)} title="Frames overtaken by newer ones before they reached this page" />
+      <Figure name="Missed" value={String(isField ? now.field.missed : now.missed)} title="Frames overtaken by newer ones before they reached this page" />
     </dl>
   );
 }

@@ -14,8 +14,8 @@ import { Choice, Meter, Section, Slider, Toggle, Wrong } from "./controls.tsx";
 
 const SOURCES: { value: LightSource; label: string; hint: string }[] = [
   { value: "stream", label: "Live", hint: "One live probe: everything alike, or by its gradients" },
-  { value: "grid", label: "Grid", hint: "A captured field: the light depends on the place" },
   { value: "field", label: "Field", hint: "Several live probes with known places light what is between them" },
+  { value: "grid", label: "Grid", hint: "A captured field: the light depends on the place" },
   { value: "both", label: "Both", hint: "The field, changed as the live probe has changed since" },
 ];
 const BANDS = Array.from({ length: PAGE_BANDS }, (_, i) => ({
