@@ -114,10 +114,13 @@ class Gatherer:
         for which, rows, columns in self._blocks(height, width, corner):
             if check is not None:
                 check()
-            inside = np.nonzero(seen[rows, columns])
-            chosen = inside[0] * rows.step + rows.start, inside[1] * columns.step + columns.start
-            if len(chosen[0]):
-                sums = self._block(which, places[chosen], normals[chosen], room)
+            part = seen[: rows.stop, : columns.stop]
+            found = kernels.find(part, rows.start, columns.start, rows.step, columns.step, room.rows, room.columns)
+            if found:
+                chosen = room.rows[:found], room.columns[:found]
+                pixels = np.empty((6, found), self._dtype)
+                kernels.load(places, normals, chosen[0], chosen[1], pixels)
+                sums = self._block(which, pixels, room)
                 kernels.store(sums.values, chosen[0], chosen[1], out)
                 clamped, rays = clamped + sums.clamped, rays + sums.rays
         return Gathered(out, float(out[..., 0, :].sum(dtype=np.float64) / Y00), clamped, rays)
@@ -133,12 +136,8 @@ class Gatherer:
                         which = (column + corner[0]) % n + n * ((row + corner[1]) % m)
                         yield which, slice(row, down.stop, m), slice(column, across.stop, n)
 
-    def _block(
-        self, which: int, places: NDArray[np.floating], normals: NDArray[np.floating], room: _Room
-    ) -> _BlockSums:
-        count = len(places)
-        pixels = np.empty((6, count), self._dtype)
-        pixels[:3], pixels[3:] = places.T, normals.T
+    def _block(self, which: int, pixels: NDArray[Any], room: _Room) -> _BlockSums:
+        count = pixels.shape[1]
         sets, lights = self._sets, self._lights
         a, ab, diagonal, lowest = self._tables
         start, middle, stop = int(sets.starts[which]), int(sets.bounced[which]), int(sets.starts[which + 1])
@@ -215,6 +214,8 @@ class _Room:
     def __init__(self, dtype: np.dtype[Any], groups: int) -> None:
         most = MOST_PIXELS * LIGHTS_AT_ONCE
         self.groups = groups
+        self.rows = np.empty(MOST_PIXELS, np.int32)
+        self.columns = np.empty(MOST_PIXELS, np.int32)
         self.origins = np.empty((most, 3), np.float32)
         self.directions = np.empty((most, 3), np.float32)
         self.ends = np.empty(most, np.float32)

@@ -243,6 +243,27 @@ def add_lights(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def find(seen, top, left, down, across, rows, columns):  # type: ignore[no-untyped-def]
+    """Write which pixels from ``top, left`` on, every ``down, across``, are ``seen`` (H, W); return their number."""
+    used = 0
+    for i in range(top, seen.shape[0], down):
+        for j in range(left, seen.shape[1], across):
+            if seen[i, j]:
+                rows[used], columns[used] = i, j
+                used += 1
+    return used
+
+
+@njit(cache=True, nogil=True)
+def load(places, normals, rows, columns, pixels):  # type: ignore[no-untyped-def]
+    """Write places and normals (H, W, 3) of pixels ``rows, columns`` (P,) to ``pixels`` (6, P)."""
+    for p in range(len(rows)):
+        for axis in range(3):
+            pixels[axis, p] = places[rows[p], columns[p], axis]
+            pixels[3 + axis, p] = normals[rows[p], columns[p], axis]
+
+
+@njit(cache=True, nogil=True)
 def store(sums, rows, columns, out):  # type: ignore[no-untyped-def]
     """Write sums (G, bands², 3, P) to ``out`` (H, W, G, bands², 3) at pixels ``rows, columns`` (P,)."""
     for p in range(len(rows)):
