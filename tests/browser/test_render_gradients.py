@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -23,8 +24,10 @@ from tests.support.reference_pictures import encode_as_page, page_scene
 
 from lightwell.conventions import degree_of_index
 from lightwell.gradients.interpolate import SampleSet
+from lightwell.io.scenes import load_scene, scene_settings
 from lightwell.render import DistantLight, Light, SampledLight
 from lightwell.sh.basis import basis_gradients, evaluate
+from lightwell_client.rendering import ServerSources
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
 
@@ -129,8 +132,13 @@ def test_the_picture_beside_a_probe_agrees_with_python(
 
 @pytest.mark.parametrize(("name", "gloss", "shadows", "sampling"), [LOOKS[0], LOOKS[3]])
 def test_the_picture_among_two_probes_agrees_with_python(
-    open_page: OpenPage, stage: SampleSet, name: str, gloss: float, shadows: bool, sampling: str
+    open_page: OpenPage, server: ServerProcess, stage: SampleSet, name: str, gloss: float, shadows: bool, sampling: str
 ) -> None:
+    scene = {"camera": {"position": CAMERA[:3]}, "light": {"field": "stage"}}
+    with ServerSources(server.url) as sources:
+        light = load_scene(scene_settings(scene), Path(), sources).scene.light
+    points = np.add(AT, [[0.1, 0.2, -0.1], [-0.6, 0.0, 0.0]])
+    np.testing.assert_allclose(light.at(points), stage.at(points), atol=1e-5)
     view = f"light=field&field=stage&shadows={int(shadows)}&gloss={gloss}&exponent=6&sampling={sampling}"
     picture = expected(SampledLight(stage), gloss=gloss, shadows=shadows)
     assert compare(look(open_page, view), picture, f"render-field-{name}-{sampling}") < 0.01
@@ -176,7 +184,7 @@ def test_a_user_moves_object_and_probe_and_sees_what_gradients_do(open_page: Ope
 
 
 def test_a_user_makes_a_field_and_takes_it_away(
-    open_page: OpenPage, server: ServerProcess, stage: SampleSet, room: Publisher
+    open_page: OpenPage, stage: SampleSet, room: Publisher, console: list[str]
 ) -> None:
     page = open_page("#stream=left&theme=dark&tab=streams", size=PANEL)
     page.get_by_role("button", name="Make a field").click()
@@ -185,6 +193,7 @@ def test_a_user_makes_a_field_and_takes_it_away(
     form.get_by_label("room").check()
     form.get_by_role("button", name="Make the field").click()
     expect(form.get_by_role("alert")).to_contain_text("room")
+    console.clear()  # the browser tells of the refusal
     form.get_by_label("room").uncheck()
     form.get_by_label("left").check()
     form.get_by_label("right").check()

@@ -15,21 +15,25 @@ from lightwell.field.adaptive import AnyGrid
 from lightwell.field.grid import Grid
 from lightwell.field.spec import GridSpec
 from lightwell.geometry.shapes import box, sphere
+from lightwell.gradients.extrapolate import extrapolate
+from lightwell.gradients.interpolate import SampleSet
 from lightwell.io.exr import write_rgb
 from lightwell.io.glb import encode_glb
 from lightwell.io.grids import write_grid
 from lightwell.io.scenes import (
     EV_MOST,
     LoadedScene,
+    Probe,
     load_scene,
     meter,
     read_scene_settings,
     read_transfer,
     scene_settings,
 )
-from lightwell.render import DistantLight, FieldLight, Harmonics, ModulatedLight, Panorama, render
+from lightwell.render import DistantLight, FieldLight, Harmonics, Light, ModulatedLight, Panorama, render
 from lightwell.scene_settings import SceneSettings
 from lightwell.sh.engines import convert
+from lightwell.sh.window import fixed_window
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "scenes"
 BASE: dict[str, Any] = {"camera": {"position": [0, -4, 1]}, "light": {"file": "light.json"}}
@@ -150,6 +154,10 @@ def test_several_grids_are_light_groups(folder: Path) -> None:
     np.testing.assert_allclose(light.at(points), 0.4 * values[1], atol=1e-6)
 
 
+def slopes(bands: int) -> np.ndarray:
+    return 0.1 * np.random.default_rng(5).normal(size=(bands * bands, 3, 3))
+
+
 class FakeServer:
     """A server with one stream, one grid and one transfer."""
 
@@ -165,6 +173,15 @@ class FakeServer:
     def position(self, name: str) -> tuple[float, float, float] | None:
         assert name == "hall"
         return self.place
+
+    def probe(self, name: str) -> Probe:
+        gradients = None if name == "plain" else slopes(4)
+        return Probe(name, coefficients(4), gradients, self.place)
+
+    def field(self, name: str) -> list[Probe]:
+        places = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+        names = ["hall", "plain" if name == "half" else "hall"]
+        return [replace(self.probe(each), position=place) for each, place in zip(names, places, strict=True)]
 
     def grid(self, grid: str) -> AnyGrid:
         assert grid == "job.grid"
@@ -188,6 +205,49 @@ def write_transfer(folder: Path, bands: int = 2) -> list[np.ndarray]:
     document = {"version": 1, "bands": bands, "channels": 1, "meshes": entries, "glb": "scene.glb"}
     (folder / "transfer.json").write_text(json.dumps(document))
     return values
+
+
+def test_light_beside_probes(folder: Path) -> None:
+    server = FakeServer(folder)
+    points = np.array([[0.3, 0.2, -0.1], [0.5, 0.1, 0.0], [0.2, -0.3, 0.4]])
+
+    def light(**settings: Any) -> Light:
+        return load(folder, server, light=settings).scene.light
+
+    # Where the probe stands: as the file says, else as its frames say, else at the origin.
+    for place, at in ((None, None), ((0.3, 0.2, -0.1), None), ((0.3, 0.2, -0.1), (0.1, 0.0, 0.0))):
+        server.place = place
+        more = {} if at is None else {"probe_at": list(at)}
+        found = light(stream="hall", gradients=True, **more).at(points)
+        wanted = extrapolate(coefficients(4), slopes(4), points - np.array(at or place or (0.0, 0.0, 0.0)))
+        np.testing.assert_allclose(found, wanted, atol=1e-12)
+    assert isinstance(light(stream="hall", gradients=False), DistantLight)
+    # Between two probes; where one has no gradients, and where they are not wanted, in straight lines.
+    ends, each = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], [coefficients(4)] * 2
+    np.testing.assert_allclose(light(field="stage").at(points), SampleSet(ends, each, [slopes(4)] * 2).at(points))
+    for plain in (light(field="half"), light(field="stage", gradients=False)):
+        np.testing.assert_allclose(plain.at(points), SampleSet(ends, each).at(points))
+    # Gradients are windowed and multiplied as the light is, and cut to the same bands.
+    plain, hann = light(field="stage", bands=3), light(field="stage", bands=3, gain=2.0, window={"kind": "hann"})
+    weights = 2 * fixed_window("hann", 3)
+    assert hann.bands == 3
+    np.testing.assert_allclose(
+        hann.at(points)[:, 1:], (np.repeat(weights, [1, 3, 5])[:, None] * plain.at(points))[:, 1:], rtol=1e-9
+    )
+    refused: list[tuple[dict[str, Any], str]] = [
+        ({"stream": "plain", "gradients": True}, "'plain' has none: give it a proxy"),
+        ({"stream": "hall", "probe_at": [0, 0, 0]}, "probe_at needs a grid"),
+        ({"field": "stage", "probe_at": [0, 0, 0]}, "probe_at needs a grid"),
+        ({"grid": "job.grid", "stream": "hall", "gradients": True}, "without a grid"),
+        ({"grid": "job.grid", "field": "stage"}, "field and grid"),
+        ({"field": "stage", "stream": "hall"}, "stream and field"),
+        ({"field": "stage", "window": {"kind": "auto"}}, "fixed window"),
+    ]
+    for settings, words in refused:
+        with pytest.raises(RenderError, match=words):
+            light(**settings)
+    with pytest.raises(RenderError, match=r"light\.field: needs a server"):
+        load(folder, light={"field": "stage"})
 
 
 def test_what_comes_from_a_server(folder: Path) -> None:
@@ -288,7 +348,7 @@ def test_other_light_takes_the_place_of_the_files(folder: Path) -> None:
         ({"camera": {"position": [0, 0]}}, r"s.toml: camera.position\[2\] is missing"),
         ({"camera": {"position": [0, 0, 0]}}, "position and target must differ"),
         ({"camera": {"position": [1, 0, 0], "up": [0, 0, 0]}}, "up must have a length"),
-        ({"light": {}}, "s.toml: light = {}: give file or stream, grid, or .*, not none of them"),
+        ({"light": {}}, "s.toml: light = {}: give file, stream, field, grid, or .*, not none of them"),
         ({"light": {"file": "a.exr", "stream": "b"}}, "not file and stream"),
         ({"light": {"file": "a.exr", "probe_at": [0, 0, 0]}}, "probe_at needs a grid"),
         ({"light": {"grid": "b", "window": {"kind": "auto"}}}, "fixed window"),
