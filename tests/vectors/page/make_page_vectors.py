@@ -230,7 +230,12 @@ def sample_vectors() -> list[dict[str, Any]]:
         coefficients[:, 0] = np.abs(coefficients[:, 0])
         gradients = 0.5 * rng.normal(size=(*coefficients.shape, 3)).astype(np.float32).astype(np.float64)
         middle = np.mean(positions, axis=0)
-        points = [*(middle + 0.5 * rng.normal(size=(12, 3))), middle, np.array(positions[-1]), middle + [9, -9, 9]]
+        points = [
+            *(middle + 0.5 * rng.normal(size=(12, 3))),
+            middle,
+            np.array(positions[-1]),
+            np.add(middle, (9, -9, 9)),
+        ]
         whole = SampleSet(positions, coefficients, gradients).at(points)
         plain = SampleSet(positions, coefficients).at(points)
         rows.append(
