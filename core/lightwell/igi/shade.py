@@ -151,7 +151,7 @@ def responses(
         exponents,
         glossy,
         matte_factors(kernel, bands),
-        horizon_table(),
+        horizon_table() if glossy.any() else np.ones((2, 2)),
         SHARPEST,
         matte,
         lobe,

@@ -64,7 +64,7 @@ def _horizon_table(exponent: float) -> tuple[Floats, Floats]:
     # Nodes are equally far apart in angle. With u = cos^(s+1) α the weight cos^s α sin α (s+1) dα is −du.
     angles = np.linspace(np.pi, 0, HORIZON_STEPS)
     cosines = np.cos(angles)
-    t, weights = legendre.leggauss(400)
+    t, weights = _gauss_rule()
     u = 0.5 * (t + 1)
     alpha = np.arccos(u ** (1 / (exponent + 1)))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -73,3 +73,10 @@ def _horizon_table(exponent: float) -> tuple[Floats, Floats]:
     shares = np.arccos(np.clip(ratio, -1, 1)) / np.pi @ (0.5 * weights)
     shares[0], shares[-1] = 0.0, 1.0
     return cosines, shares
+
+
+@cache
+def _gauss_rule() -> tuple[Floats, Floats]:
+    """Return nodes and weights of the quadrature; they take longer to find than a table takes to fill."""
+    nodes, weights = legendre.leggauss(400)
+    return nodes, weights

@@ -12,7 +12,17 @@ from lightwell.field.grid import Grid
 from lightwell.field.spec import GridSpec
 from lightwell.geometry.mesh import Mesh
 from lightwell.geometry.shapes import box, plane
-from lightwell.igi import IgiMaterial, IgiObject, IgiRendering, IgiScene, PointLight, Sky, render_igi, sky_of_harmonics
+from lightwell.igi import (
+    IgiMaterial,
+    IgiObject,
+    IgiRendering,
+    IgiScene,
+    PointLight,
+    Sky,
+    Texture,
+    render_igi,
+    sky_of_harmonics,
+)
 from lightwell.igi.render import cut
 from lightwell.igi_settings import IgiFilter, IgiSettings
 from lightwell.render import Camera
@@ -148,6 +158,33 @@ def test_bounces_of_a_bowl_of_light() -> None:
         scene, Camera((0.1, 0.2, 0.0), (1, 0, 0), fov_degrees=40), (24, 24), settings.model_copy(update={"bounces": 0})
     )
     assert once.colour.mean() == pytest.approx(radiance * (1 + albedo), rel=0.02)
+
+
+@pytest.mark.parametrize("pattern", [(4, 4), (8, 8)])
+def test_on_bumps_incident_radiance_is_what_to_filter(pattern: tuple[int, int]) -> None:
+    """Paper 004's claim (issue 6, Done-when 3); `docs/examples/igi.py` shows it at length."""
+    wave = 2 * np.pi * np.arange(128) / 128
+    heights = np.sin(7 * wave[:, None] + 3 * wave) + np.sin(5 * wave - 8 * wave[:, None])
+    bumpy = IgiMaterial(
+        base=(0.6, 0.6, 0.6), bump_texture=Texture(heights[..., None].astype(np.float32)), bump_metres=0.05
+    )
+    flat = placed(plane(1), 2, [0, 0, 0])
+    ground = IgiObject(flat, bumpy, ((flat.positions[:, :2] / 2).astype(np.float32),))
+    panels = [
+        IgiObject(panel((0.8, 0.8), [x, 0.5, 1.5], f"panel {x}"), lamp(red, 6, 12 - red))
+        for x, red in ((-1.5, 12), (1.5, 2))
+    ]
+    blocker = IgiObject(placed(box(), 0.2, [0.3, 0.4, 0.2]), matte(0.5, 0.5, 0.5))
+    scene, camera = IgiScene((ground, blocker, *panels)), Camera((0, -3, 1.6), (0, 0.2, 0.1), fov_degrees=24)
+    plain = IgiSettings(sets=(1, 1), filter="none", vpls=512, bounces=0)
+    truth = render_igi(scene, camera, (96, 64), plain).colour
+    errors = {}
+    for name in ("sh", "irradiance", "irradiance-strict", "none"):
+        settings = plain.model_copy(update={"sets": pattern, "filter": name})
+        difference = render_igi(scene, camera, (96, 64), settings).colour - truth
+        errors[name] = float(np.sqrt((difference**2).mean()) / truth.mean())
+    assert errors["sh"] < errors["irradiance"] / 3
+    assert errors["sh"] < 1.2 * min(errors["irradiance-strict"], errors["none"])
 
 
 def test_work_can_be_stopped() -> None:
