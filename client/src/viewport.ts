@@ -522,7 +522,7 @@ export class Viewport {
     const movable = !this.probeIsKnown && (near !== null || (value.light === "both" && first !== undefined));
     if (value.probeGizmo && movable) this.probeGizmo.show(this.probePlace(value));
     else this.probeGizmo.hide();
-    if (near !== null && value.probes) this.probes.show(near.probes, near.radius, value.bands);
+    if (near !== null && value.probes) this.probes.show(near.probes, { middle: near.place, radius: near.radius }, value.bands);
     else this.probes.hide();
     if (near !== null) {
       volume.hide();

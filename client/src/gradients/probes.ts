@@ -4,11 +4,14 @@
 import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSegments, Mesh, SphereGeometry } from "three";
 
 import { LightUniforms, LitMaterial } from "../materials.ts";
-import type { Probe } from "./near.ts";
+import { minus } from "./matrix.ts";
+import type { Probe, Spot } from "./near.ts";
 
 const SEGMENTS = 96;
 /** Radius of a sphere, of the object's. */
 const SHARE = 0.16;
+/** A probe nearer to the object's middle than this share of its radius would stick out of the object: it is not shown. */
+const CLEAR = 0.6;
 const COLOUR = 0xe2a54a;
 
 interface Shown {
@@ -24,8 +27,8 @@ export class Probes {
   private readonly geometry = new SphereGeometry(1, 24, 16);
   private readonly circles = threeCircles();
 
-  /** Show probes beside an object of this radius, metres. */
-  show(probes: readonly Probe[], radius: number, bands: number): void {
+  /** Show probes beside an object there. */
+  show(probes: readonly Probe[], { middle, radius }: Spot, bands: number): void {
     while (this.shown.length < probes.length) this.add();
     this.shown.forEach(({ group, sphere, ring, light }, k) => {
       const probe = probes[k];
@@ -34,6 +37,7 @@ export class Probes {
       const { coefficients, frame } = probe.light;
       light.set({ distant: coefficients, fields: [], gradients: false, surround: coefficients }, bands, 1);
       sphere.material.refresh(false);
+      sphere.visible = Math.hypot(...minus(probe.position, middle)) > CLEAR * radius;
       group.position.set(...probe.position);
       sphere.scale.setScalar(SHARE * radius);
       const trust = frame.trust_radius_m;
