@@ -44,7 +44,7 @@ def run() -> list[Row]:
         picture = render_igi(scene, CAMERA, SIZE, SETTINGS)
         seconds, core = time.perf_counter() - started, time.process_time() - core
     tracing, whole, rays = _tracing(scene)
-    cores = (os.cpu_count() or 1)
+    cores = os.cpu_count() or 1
     return [
         row(f"1024 × 1024, 4 × 4 sets, 1,024 lights: whole picture, {cores} cores", seconds, "s", AIM_SECONDS),
         row("the same: core time", core, "s"),
