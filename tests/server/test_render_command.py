@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import cv2
 import httpx
 import numpy as np
+import OpenEXR
 import pytest
 from tests.support.publisher import Publisher
 from tests.support.server import running_server
@@ -62,6 +65,48 @@ def test_pictures_and_a_summary(scene: Path) -> None:
     read = cv2.imread(str(out[1]))
     assert read is not None
     assert read.shape == (20, 30, 3)
+
+
+def test_virtual_point_lights(scene: Path) -> None:
+    out = scene.parent / "x.exr", scene.parent / "x.png"
+    few = "--method", "igi", "--sets", "2x2", "--vpls", "1024", "--size", "30x20"
+    result = lightwell(str(scene), "--out", str(out[0]), "-o", str(out[1]), *few, "--coefficients", "--json")
+    assert result.returncode == 0, result.stderr
+    summary = json.loads(result.stdout)
+    assert (summary["method"], summary["sets"], summary["vpls"], summary["bands"]) == ("igi", [2, 2], 1024, 3)
+    # The file says samples = 2, which has no meaning here.
+    assert result.stderr == f"lightwell: {summary['remarks'][0]}\n"
+    assert "picture.samples" in summary["remarks"][0]
+    assert summary["rays"] > 0
+    pixels = read_rgb(out[0]).pixels
+    covered = OpenEXR.File(str(out[0]), separate_channels=True).channels()["coverage"].pixels == 1
+    np.testing.assert_allclose(pixels[covered].mean(), 0.5, rtol=0.03)  # albedo times radiance
+    np.testing.assert_allclose(pixels[0, 0], 1, rtol=1e-4)  # the sky behind
+    for arguments, message in {
+        (*few, "--samples", "2"): "--samples: igi takes one ray a pixel",
+        ("--sets", "2x2"): "--sets, --vpls and --coefficients: add --method igi",
+        ("--method", "igi", "--sets", "99x1"): f"{scene}: igi.sets[0] = 99: ",
+    }.items():
+        refused = lightwell(str(scene), "--out", str(out[0]), *arguments)
+        assert refused.returncode == 1
+        assert refused.stderr.startswith(f"lightwell: {message}")
+
+
+def test_interrupting_leaves_nothing_behind(scene: Path) -> None:
+    arguments = ["--method", "igi", "--vpls", "65536", "--size", "2048x2048", "--out", str(scene.parent / "x.exr")]
+    command = [sys.executable, "-m", "lightwell_server.cli", "render", str(scene), *arguments]
+    before = sorted(scene.parent.iterdir())
+    # The remark comes when the scene is loaded; what follows takes minutes.
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        assert process.stderr is not None
+        assert "picture.samples" in process.stderr.readline()
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        started = time.monotonic()
+        assert process.wait(timeout=60) != 0
+        assert "Traceback" not in process.stderr.read()
+    assert time.monotonic() - started < 30
+    assert sorted(scene.parent.iterdir()) == before
 
 
 def test_mistakes_are_one_line(scene: Path) -> None:
