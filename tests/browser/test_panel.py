@@ -164,6 +164,8 @@ def test_every_tab_fits_into_windows_of_all_widths(open_page: OpenPage, room: Pu
         keep(page, f"narrow-{name.lower()}")
         for width in (360, 480, 719, 720, 1024):
             page.set_viewport_size({"width": width, "height": 640})
+            # The latency's graph takes its new width with the next picture.
+            page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
             assert page.evaluate("document.documentElement.scrollWidth") <= width
             assert page.evaluate(OVER, width) == [], (name, width)
         page.set_viewport_size(NARROW)

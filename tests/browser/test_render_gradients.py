@@ -187,6 +187,18 @@ def test_a_user_makes_a_field_and_takes_it_away(
     open_page: OpenPage, stage: SampleSet, room: Publisher, console: list[str]
 ) -> None:
     page = open_page("#stream=left&theme=dark&tab=streams", size=PANEL)
+    # The form shows what a proxy needs, and says what is missing where that is no single field.
+    page.get_by_role("button", name="Add a stream").click()
+    adding = page.get_by_role("form", name="New stream")
+    adding.get_by_label("Name").fill("another")
+    adding.get_by_label("Source").fill("synthetic:room")
+    adding.get_by_label("Gradients: proxy").select_option("box")
+    expect(adding.get_by_label("Gradients: box lower (m)")).to_be_visible()
+    adding.get_by_role("button", name="Add", exact=True).click()
+    expect(adding.get_by_role("alert")).to_contain_text("gradients")
+    adding.get_by_label("Gradients: proxy").select_option("sphere")
+    expect(adding.get_by_label("Gradients: radius (m)")).to_be_visible()
+    adding.get_by_role("button", name="Close").click()
     page.get_by_role("button", name="Make a field").click()
     form = page.get_by_role("form", name="New field")
     form.get_by_label("Name").fill("set")

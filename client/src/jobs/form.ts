@@ -5,7 +5,7 @@ import { signal } from "@preact/signals";
 import { ApiError, words, type FieldError } from "../api.ts";
 import { estimateJob, type Estimate, type JsonObject } from "../rest.ts";
 import { change } from "../view.ts";
-import { fieldsOf, settingsOf, written, type Draft, type Field } from "./schema.ts";
+import { fieldsOf, otherComplaints, settingsOf, written, type Draft, type Field } from "./schema.ts";
 import { kinds, loadKinds, submit } from "./store.ts";
 
 export interface JobForm {
@@ -101,7 +101,8 @@ async function attempt(work: () => Promise<void>): Promise<void> {
   } catch (error) {
     const errors = error instanceof ApiError ? error.fields : [];
     // What stands at its field is not said twice.
-    note({ errors, problem: errors.length > 0 ? "" : words(error), estimate: null });
+    const problem = errors.length > 0 ? otherComplaints(fieldsOfKind(form.peek()?.kind ?? ""), errors) : words(error);
+    note({ errors, problem, estimate: null });
   } finally {
     note({ busy: false });
   }

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 
 import type { JsonObject } from "../rest.ts";
-import { fieldsOf, labelOf, listFrom, patchOf, settingsOf, written } from "./schema.ts";
+import { complaint, fieldsOf, labelOf, listFrom, otherComplaints, patchOf, settingsOf, written } from "./schema.ts";
 
 // As pydantic writes it.
 const SCHEMA: JsonObject = {
@@ -70,5 +70,20 @@ describe("forms from schemas", () => {
       window: { width: null },
     });
     expect(patchOf(fields, { "window.kind": "auto", bands: "5" }, before)).toEqual({});
+  });
+});
+
+describe("what the server complains of", () => {
+  it("stands at its field, or beside the form where it is about no single one", () => {
+    const fields = fieldsOf(SCHEMA);
+    const errors = [
+      { field: "settings.bands", message: "is too large" },
+      { field: "settings.resolutions.0.1", message: "must be whole" },
+      { field: "settings.window", message: "a box needs both corners" },
+    ];
+    const at = (path: string) => complaint(fields.find((field) => field.path === path)!, errors);
+    expect([at("bands"), at("resolutions"), at("capture")]).toEqual(["is too large", "must be whole", ""]);
+    expect(otherComplaints(fields, errors)).toBe("window: a box needs both corners");
+    expect(otherComplaints(fields, errors.slice(0, 2))).toBe("");
   });
 });

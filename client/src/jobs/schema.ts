@@ -1,5 +1,6 @@
 // Forms from JSON schemas (as pydantic writes them): a flat list of fields, and settings from what was typed into them.
 
+import type { FieldError } from "../api.ts";
 import type { Json, JsonObject } from "../rest.ts";
 
 export type Input = "text" | "number" | "integer" | "flag" | "choice" | "list";
@@ -190,4 +191,21 @@ export function patchOf(fields: readonly Field[], draft: Draft, before: JsonObje
     if (written(value) !== written(valueAt(before, field.path))) put(patch, field.path.split("."), value);
   }
   return patch;
+}
+
+/** Whether a message of the server is about a field; it names fields inside lists, too. */
+function isAbout(error: FieldError, field: Field): boolean {
+  const path = error.field.replace(/^settings\./, "");
+  return path === field.path || path.startsWith(`${field.path}.`);
+}
+
+/** The message of the server that is about a field; empty: nothing is wrong with it. */
+export function complaint(field: Field, errors: readonly FieldError[]): string {
+  return errors.find((error) => isAbout(error, field))?.message ?? "";
+}
+
+/** What is wrong with no single one of these fields, such as a section whose values do not go together; empty: nothing. */
+export function otherComplaints(fields: readonly Field[], errors: readonly FieldError[]): string {
+  const others = errors.filter((error) => !fields.some((field) => isAbout(error, field)));
+  return others.map(({ field, message }) => `${field.replace(/^settings\./, "")}: ${message}`).join("; ");
 }

@@ -3,7 +3,7 @@
 import { useEffect, useRef } from "preact/hooks";
 
 import type { FieldError } from "../api.ts";
-import { written, type Draft, type Field } from "../jobs/schema.ts";
+import { complaint, written, type Draft, type Field } from "../jobs/schema.ts";
 
 export interface Suggestion {
   value: string;
@@ -19,15 +19,6 @@ interface Props {
   errors: readonly FieldError[];
   /** Paths for which there is a list to choose from. */
   choices?: Readonly<Record<string, readonly Suggestion[]>>;
-}
-
-/** The message of the server that is about a field; it names fields inside lists, too. */
-function complaint(field: Field, errors: readonly FieldError[]): string {
-  const found = errors.find((error) => {
-    const path = error.field.replace(/^settings\./, "");
-    return path === field.path || path.startsWith(`${field.path}.`);
-  });
-  return found?.message ?? "";
 }
 
 export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {} }: Props) {

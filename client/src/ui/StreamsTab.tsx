@@ -2,7 +2,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 
 import { ApiError, words, type FieldError } from "../api.ts";
-import { patchOf, settingsOf, type Draft, type Field } from "../jobs/schema.ts";
+import { otherComplaints, patchOf, settingsOf, type Draft, type Field } from "../jobs/schema.ts";
 import { changeStream, createStream, deleteStream, getStream, type StreamDescription } from "../rest.ts";
 import { chooseStream, refreshStreams, snapshot, streams } from "../session.ts";
 import { streamFields } from "../streams.ts";
@@ -14,6 +14,13 @@ import { SchemaForm } from "./SchemaForm.tsx";
 import { ConfirmButton, Meter, Nothing, Section, Wrong } from "./controls.tsx";
 
 const BASIC = ["source", "mapping.kind", "filter.tau_seconds", "window.kind", "position_m", "gradients.proxy", "enabled"];
+/** What a proxy of the surroundings needs beside its name. */
+const PROXY_FIELDS: Record<string, string[]> = {
+  sphere: ["gradients.radius_m", "gradients.centre_m"],
+  box: ["gradients.box_lower_m", "gradients.box_upper_m"],
+  mesh: ["gradients.mesh", "gradients.mesh_up"],
+  depth: ["gradients.depth"],
+};
 const TONES: Record<string, string> = {
   running: "good",
   starting: "busy",
@@ -63,7 +70,8 @@ function Editor({ stream, onClose }: { stream: StreamDescription | null; onClose
   const settings = useSignal(stream?.settings ?? {});
   const failed = (error: unknown) => {
     errors.value = error instanceof ApiError ? error.fields : [];
-    problem.value = errors.value.some(({ field }) => field !== "name") ? "" : words(error);
+    const isOfFields = errors.value.some(({ field }) => field !== "name");
+    problem.value = isOfFields ? otherComplaints(fields.value ?? [], errors.value) : words(error);
   };
   useEffect(() => {
     streamFields().then((found) => (fields.value = found), failed);
@@ -75,6 +83,9 @@ function Editor({ stream, onClose }: { stream: StreamDescription | null; onClose
   }, []);
   if (fields.value === null) return problem.value === "" ? <Meter label="Asking" share={null} /> : <Wrong text={problem.value} />;
   const shown = stream === null ? fields.value : withValues(fields.value, settings.value);
+  const proxyField = shown.find(({ path }) => path === "gradients.proxy");
+  const proxy = String(draft.value["gradients.proxy"] ?? proxyField?.fallback ?? "none");
+  const basic = BASIC.flatMap((path) => (path === "gradients.proxy" ? [path, ...(PROXY_FIELDS[proxy] ?? [])] : [path]));
   const submit = (event: Event) => {
     event.preventDefault();
     busy.value = true;
@@ -122,7 +133,7 @@ function Editor({ stream, onClose }: { stream: StreamDescription | null; onClose
           ))}
         </div>
       )}
-      <SchemaForm fields={shown} basic={BASIC} draft={draft.value} errors={errors.value} onChange={(next) => (draft.value = next)} />
+      <SchemaForm fields={shown} basic={basic} draft={draft.value} errors={errors.value} onChange={(next) => (draft.value = next)} />
       <Wrong text={problem.value} />
       <div class="buttons">
         <button type="submit" class="primary" disabled={busy.value}>
