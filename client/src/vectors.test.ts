@@ -17,7 +17,7 @@ interface Vector {
 }
 
 const folder = new URL("../../tests/vectors/", import.meta.url);
-// Those of gradients are for Python clients: the page has none of its own yet.
+// Those of gradients are of their conversion to other conventions, which the page does not do.
 const files = readdirSync(folder).filter((file) => file.endsWith(".json") && file !== "gradients.json");
 
 describe("conformance vectors", () => {
