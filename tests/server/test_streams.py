@@ -289,6 +289,7 @@ def test_openapi_describes_every_route(api: httpx.Client) -> None:
         ("/api/v1/jobs/{job}/retry", "post"),
         ("/api/v1/jobs/{job}/log", "get"),
         ("/api/v1/jobs/{job}/events", "get"),
+        ("/api/v1/jobs/{job}/preview", "get"),
         ("/api/v1/captures", "get"),
         ("/api/v1/captures", "post"),
         ("/api/v1/captures/{capture}", "get"),

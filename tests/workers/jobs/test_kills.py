@@ -19,8 +19,9 @@ from lightwell_workers.jobs.queue import Queue
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 
-JOBS = 5
-KILLS = 20
+JOBS, KILLS = 5, 20
+FEWER_JOBS, FEWER_KILLS = 3, 10
+"""On Postgres: what differs there is the database and the cluster, not the jobs."""
 LONGEST_SECONDS = 300.0
 
 
@@ -48,7 +49,7 @@ def _bodies(queue: Queue, job: str) -> list[tuple[int, int]]:
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_capture(tmp_path_factory.mktemp("captures") / "rig", probes=2000, size=64)
+    return make_capture(tmp_path_factory.mktemp("captures") / "rig", probes=1400, size=64)
 
 
 @pytest.fixture(scope="module")
@@ -65,9 +66,9 @@ def expected(tmp_path_factory: pytest.TempPathFactory, capture: Path) -> list[di
 
 
 def _kill_until_done(
-    queue: Queue, jobs: list[str], victims: dict[str, list[Process]], chance: random.Random
+    queue: Queue, jobs: list[str], victims: dict[str, list[Process]], chance: random.Random, kills: int
 ) -> dict[str, int]:
-    """Kill random victims and start them again until all jobs have succeeded; stop killing after `KILLS`."""
+    """Kill random victims and start them again until all jobs have succeeded; stop killing after so many ``kills``."""
     killed = dict.fromkeys(victims, 0)
     until = time.monotonic() + LONGEST_SECONDS
     while time.monotonic() < until:
@@ -76,7 +77,7 @@ def _kill_until_done(
             return killed
         assert "failed" not in states, [queue.get(job).error for job in jobs]
         time.sleep(chance.uniform(0.3, 2.5))
-        if sum(killed.values()) >= KILLS:
+        if sum(killed.values()) >= kills:
             continue
         name = chance.choice(list(victims))
         if name == "task":
@@ -128,7 +129,7 @@ def test_random_kills_on_sqlite(
         jobs = [queue.submit("ilf-grid", _settings(capture, index))[0].id for index in range(JOBS)]
         victims = {"executor": [worker], "server": [server], "both": [server, worker], "task": []}
         started = time.monotonic()
-        killed = _kill_until_done(queue, jobs, victims, random.Random(seed))
+        killed = _kill_until_done(queue, jobs, victims, random.Random(seed), KILLS)
         seconds = time.monotonic() - started
         below = worker.descendants()
     psutil.wait_procs(below, timeout=5)
@@ -158,7 +159,7 @@ def test_kills_with_postgres_and_an_external_cluster(
         queue = Queue(settings, tmp_path)
         stack.callback(queue.close)
         worker = stack.enter_context(executor(tmp_path, LIGHTWELL_JOBS_SETTINGS=settings.model_dump_json()))
-        jobs = [queue.submit("ilf-grid", _settings(capture, index))[0].id for index in range(JOBS)]
+        jobs = [queue.submit("ilf-grid", _settings(capture, index))[0].id for index in range(FEWER_JOBS)]
         victims = {
             "executor": [worker],
             "one worker": [workers[0]],
@@ -167,8 +168,8 @@ def test_kills_with_postgres_and_an_external_cluster(
             "scheduler": [scheduler, *workers],
         }
         started = time.monotonic()
-        killed = _kill_until_done(queue, jobs, victims, random.Random(seed))
+        killed = _kill_until_done(queue, jobs, victims, random.Random(seed), FEWER_KILLS)
         seconds = time.monotonic() - started
-        _check(queue, jobs, expected)
+        _check(queue, jobs, expected[:FEWER_JOBS])
     with capsys.disabled():
         print(f"\n{json.dumps({'seed': seed, 'seconds': round(seconds, 1), 'kills': killed})}")
