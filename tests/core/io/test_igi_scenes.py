@@ -15,7 +15,7 @@ from tests.support.gltf_files import File
 
 from lightwell.errors import LightwellError, RenderError
 from lightwell.geometry.shapes import box
-from lightwell.igi import IgiRendering, PointLight, render_igi
+from lightwell.igi import IgiRendering, PointLight, render_igi, sky_of_harmonics
 from lightwell.igi.materials import phong_exponent
 from lightwell.io.exr import read_rgb, write_rgb
 from lightwell.io.glb import encode_glb
@@ -149,6 +149,15 @@ def test_light_of_a_picture_a_document_a_stream_a_grid_and_a_grid_that_follows(f
         load(folder, light={"grid": ["grid.zarr", "grid.zarr"]})
     with pytest.raises(RenderError, match=r"name it as light\.file"):
         load(folder, light={"file": "map.exr"}, backdrop={"file": "map.exr"})
+
+
+def test_light_among_probes_is_that_in_the_middle_of_the_objects(folder: Path) -> None:
+    server, objects = FakeServer(folder), [{"shape": "box", "position": [0.5, 0, 0]}]
+    scene = load(folder, server, light={"field": "stage"}, objects=objects).scene
+    assert scene.sky is not None
+    light = load_scene(scene_settings(BASE | {"method": "harmonics", "light": {"field": "stage"}}), folder, server)
+    expected = sky_of_harmonics(light.scene.light.at(np.array([[0.5, 0.0, 0.0]]))[0])
+    np.testing.assert_allclose(scene.sky.pixels, expected.pixels, rtol=1e-6)
 
 
 def test_a_recorded_frame_of_another_mapping(folder: Path) -> None:
