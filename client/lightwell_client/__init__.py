@@ -10,8 +10,8 @@ It needs numpy, websockets, httpx and msgspec only. A renderer follows a stream 
             print(frame.seq, frame.latency_seconds, frame.missed)
 
 `AsyncLightStream` is the same for asyncio, `Field` the light between several probes (`AsyncField` for asyncio), and
-`Lightwell` the client of the REST API. `render` makes pictures of scene
-files; it imports the core's renderer when it is called.
+`Lightwell` the client of the REST API. `render` and `render_igi` make pictures of scene
+files; they import the core's renderers when they are called.
 """
 
 from lightwell_client.backdrop import BackdropPicture
@@ -19,7 +19,7 @@ from lightwell_client.errors import ConnectionLostError, LightTimeoutError, Prob
 from lightwell_client.field import AsyncField, Field, FieldLight
 from lightwell_client.frames import LightFrame
 from lightwell_client.jobs import GridSample, Job, JobEstimate
-from lightwell_client.rendering import render
+from lightwell_client.rendering import render, render_igi
 from lightwell_client.rest import FieldSample, Lightwell, Stream
 from lightwell_client.stream import AsyncLightStream
 from lightwell_client.sync import LightStream
@@ -43,4 +43,5 @@ __all__ = [
     "RefusedError",
     "Stream",
     "render",
+    "render_igi",
 ]

@@ -6,6 +6,7 @@ The rest of this package is small; this module imports the core's renderer (Embr
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -20,6 +21,7 @@ from lightwell_client.rest import Lightwell
 
 if TYPE_CHECKING:
     from lightwell.field.adaptive import AnyGrid
+    from lightwell.igi import IgiRendering
     from lightwell.io.scenes import Probe
     from lightwell.render import Rendering
 
@@ -98,6 +100,50 @@ def render(
     )
     if out is not None:
         write_rendering(Path(out), rendering, loaded.ev, tone_mapping=picture.tone_mapping == "neutral")
+    return rendering
+
+
+def render_igi(
+    scene: str | Path | Mapping[str, Any],
+    *,
+    light: _Light | ArrayLike | None = None,
+    size: tuple[int, int] | None = None,
+    out: str | Path | None = None,
+    server: str = DEFAULT_SERVER,
+    token: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> IgiRendering:
+    """Render a scene by virtual point lights, as ``lightwell render --method igi`` does.
+
+    Parameters and errors as of `render`, but ``scene`` may also be a glTF file, ``progress`` is called with tiles, and
+    what the picture will not show is a warning.
+    """
+    from lightwell.igi import render_igi as render_lights
+    from lightwell.io.igi_renders import write_igi_rendering
+    from lightwell.io.igi_scenes import load_igi_scene, meter_rendering
+    from lightwell.io.renders import require_format
+    from lightwell.io.scenes import read_scene_settings, scene_settings
+
+    if out is not None:
+        require_format(Path(out))
+    method = {"method": "igi"}
+    if isinstance(scene, Mapping):
+        settings, folder, where = scene_settings({**scene, **method}), Path(), "scene"
+    else:
+        settings, folder, where = read_scene_settings(Path(scene), method), Path(scene).parent, str(scene)
+    given = None if light is None else _radiance(light)
+    with ServerSources(server, token) as sources:
+        loaded = load_igi_scene(settings, folder, sources, where=where, light=given)
+    for remark in loaded.remarks:
+        warnings.warn(remark, stacklevel=2)
+    picture = loaded.picture
+    rendering = render_lights(
+        loaded.scene, loaded.camera, size or (picture.width, picture.height), loaded.settings, progress
+    )
+    if out is not None:
+        ev = meter_rendering(rendering) if picture.ev is None else picture.ev
+        mapped = picture.tone_mapping == "neutral"
+        write_igi_rendering(Path(out), rendering, ev, tone_mapping=mapped, backdrop=loaded.has_backdrop)
     return rendering
 
 

@@ -21,7 +21,7 @@ from lightwell.errors import LightwellError
 from lightwell.geometry.shapes import box, sphere
 from lightwell.io.exr import read_rgb
 from lightwell.io.glb import encode_glb
-from lightwell_client import Lightwell, render
+from lightwell_client import Lightwell, render, render_igi
 
 SCENE = """
 [camera]
@@ -177,3 +177,25 @@ def test_render_takes_what_would_stand_in_a_file() -> None:
     assert rows[-1] == (6, 6)
     with pytest.raises(LightwellError, match="scene: light"):
         render({"camera": {"position": [0, -4, 1]}})
+
+
+def test_virtual_point_lights_in_python(tmp_path: Path) -> None:
+    light = np.zeros((4, 3))
+    light[0] = np.sqrt(4 * np.pi)
+    few = {"sets": "2x2", "vpls": 64, "bounces": 0}
+    document = {"camera": {"position": [0, -4, 1]}, "objects": [{"shape": "box"}], "igi": few}
+    tiles: list[tuple[int, int]] = []
+    picture = render_igi(
+        document,
+        light=light,
+        size=(8, 6),
+        out=tmp_path / "x.exr",
+        progress=lambda done, total: tiles.append((done, total)),
+    )
+    np.testing.assert_array_equal(read_rgb(tmp_path / "x.exr").pixels, picture.colour)
+    assert tiles == [(1, 1)]
+    np.testing.assert_allclose(picture.colour[0, 0], 1, rtol=1e-5)
+    with pytest.warns(UserWarning, match="scene: there is no light"):
+        assert not render_igi(document, size=(4, 3)).colour.any()
+    with pytest.raises(LightwellError, match="call render_igi"):
+        render(document | {"method": "igi"})

@@ -192,9 +192,7 @@ def load_scene(
         Where something cannot be read; names the file and the field.
     """
     if settings.method != "harmonics":
-        raise RenderError(
-            f"{where}: method = {settings.method!r}: this renders by harmonics; `lightwell render` knows both"
-        )
+        raise RenderError(f"{where}: method = {settings.method!r}: this renders by harmonics: call render_igi")
     loader = SceneLoader(folder, server, where)
     if light is None:
         assert settings.light is not None

@@ -227,7 +227,7 @@ def test_what_needs_igi_says_so(folder: Path) -> None:
     ):
         with pytest.raises(RenderError, match=message):
             scene_settings(light | changes, "s.toml")
-    with pytest.raises(RenderError, match="method = 'igi': this renders by harmonics"):
+    with pytest.raises(RenderError, match="method = 'igi': this renders by harmonics: call render_igi"):
         load_scene(scene_settings(BASE), folder)
 
 
