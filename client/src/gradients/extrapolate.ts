@@ -21,15 +21,6 @@ export function addChange(sum: Float64Array, gradients: Coefficients, step: Vect
   for (let i = 0, k = 0; i < sum.length; i++, k += 3) sum[i]! += gradients[k]! * x + gradients[k + 1]! * y + gradients[k + 2]! * z;
 }
 
-/** The coefficients at `offset` metres from where they were sampled: `c + s · (G·d)`. */
-export function extrapolate(coefficients: Coefficients, gradients: Coefficients, offset: Vector3): Float64Array {
-  const values = Float64Array.from(coefficients);
-  const change = new Float64Array(values.length);
-  addChange(change, gradients, offset, 1);
-  addLimited(values, change);
-  return values;
-}
-
 /** Read little-endian float32 gradients as they come over the wire; raises `RangeError` where they do not fit the coefficients. */
 export function unpackGradients(bytes: Uint8Array, coefficients: number): Float32Array {
   if (bytes.byteLength !== 12 * coefficients) {

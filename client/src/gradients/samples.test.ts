@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
 
 import { PAGE_BANDS, withBands, type Vector3 } from "../sh.ts";
-import { extrapolate, unpackGradients } from "./extrapolate.ts";
+import { unpackGradients } from "./extrapolate.ts";
 import { LocalField } from "./local.ts";
 import { SampleSet, type Sample } from "./samples.ts";
 
@@ -69,20 +69,11 @@ describe.each(vectors)("light of $name", (vector) => {
 });
 
 describe("one sample", () => {
-  const [vector] = vectors;
-
-  it("is extrapolated", () => {
-    const [sample] = samplesOf(vector!);
-    const { position, coefficients, gradients } = sample!;
-    vector!.points.forEach((point, k) => {
-      const offset = point.map((value, axis) => value - position[axis]!) as unknown as Vector3;
-      expectClose(extrapolate(coefficients, gradients!, offset), vector!.light[k]!, 1e-9);
-    });
-  });
-
   it("keeps 30 % of its mean, and a black channel stays as it is", () => {
-    const far = extrapolate(Float64Array.of(1, 0, 2, 5, 5, 5), Float64Array.from({ length: 18 }, (_, i) => (i < 9 ? -1 : 3)), [9, 0, 0]);
-    expectClose(far, [0.3, 0, 0.6, 7.1, 5, 9.2], 1e-12);
+    const gradients = Float64Array.from({ length: 18 }, (_, i) => (i < 9 ? -1 : 3));
+    const set = new SampleSet([{ position: [1, 1, 1], coefficients: Float64Array.of(1, 0, 2, 5, 5, 5), gradients }]);
+    expectClose(set.at([10, 1, 1]), [0.3, 0, 0.6, 7.1, 5, 9.2], 1e-12);
+    expectClose(set.at([1, 1.1, 1]), [0.9, 0, 1.9, 5.3, 5, 5.3], 1e-12);
   });
 });
 
