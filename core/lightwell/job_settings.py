@@ -13,9 +13,11 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from lightwell.conventions import DEFAULT_BANDS
-from lightwell.settings import Settings, Vector3, WindowSettings
+from lightwell.igi_settings import IgiSettings
+from lightwell.scene_settings import MAX_EV, MAX_PIXELS, MAX_SIDE, Place
+from lightwell.settings import MappingSettings, Settings, Vector3, WindowSettings
 
-JobKind = Literal["ilf-grid", "prt-transfer", "capture-reduce"]
+JobKind = Literal["ilf-grid", "prt-transfer", "capture-reduce", "igi-render"]
 JobState = Literal["queued", "running", "cancelling", "cancelled", "failed", "succeeded"]
 RepairKind = Literal["pull-push", "mipmap", "bilateral", "none"]
 GradientKind = Literal["none", "central", "regression"]
@@ -24,6 +26,8 @@ Resolution = Annotated[tuple[Cells, Cells, Cells], Field(description="cells alon
 
 MAX_GRID_BANDS = 6
 MAX_TRANSFER_BANDS = 6
+MAX_FRAMES = 10_000
+"""Pictures of one igi-render job."""
 MAX_CELLS = 1 << 25
 """Of all grids of a job: 320 along each axis of one. Larger ones fit neither memory nor a browser."""
 DEFAULT_PRIORITY = 100
@@ -180,6 +184,128 @@ class PrtTransferSettings(Settings):
     checkpoint_seconds: float = Field(
         6.0, ge=0.05, le=3600, description="time between checkpoints: what a kill can cost, seconds"
     )
+
+
+class IgiLightSettings(Settings):
+    """What shines on the scene from outside it, in place of what its file says; lamps in the scene add to it."""
+
+    map: str | None = Field(
+        None, min_length=1, description="id of an uploaded map, or a picture below a data root: .exr or .hdr, lat-long"
+    )
+    frames: str | None = Field(
+        None,
+        min_length=1,
+        description="recorded frames below a data root, light over time: a folder, dir/*.exr or frame.%04d.exr",
+    )
+    mapping: MappingSettings = Field(
+        MappingSettings(), description="of the map or the frames, where a probe recorded them and they are not lat-long"
+    )
+    stream: str | None = Field(
+        None, min_length=1, description="name of a stream: its newest frame when the job is submitted"
+    )
+    grid: str | None = Field(
+        None, min_length=1, description="id of a grid, or its folder below a data root; with map or stream it follows"
+    )
+    gain: float = Field(1.0, ge=0, le=1e12, description="factor")
+    probe_at: Place | None = Field(
+        None, description="grid with map or stream: where that probe stands, metres; default: where the stream says"
+    )
+    coefficients: tuple[Vector3, ...] | None = Field(
+        None,
+        max_length=121,
+        description="bands² rows of red, green, blue: what the stream showed; the server fills that in",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        named = [name for name in ("map", "frames", "stream") if getattr(self, name) is not None]
+        if len(named) > 1:
+            raise PydanticCustomError(
+                "light", "give map, frames or stream, not {named}", {"named": " and ".join(named)}
+            )
+        if self.frames is not None and self.grid is not None:
+            raise PydanticCustomError("light", "a grid follows a map or a stream, not frames: leave one out")
+        if self.probe_at is not None and self.grid is None:
+            raise PydanticCustomError("light", "probe_at needs a grid")
+        return self
+
+
+Degrees = Annotated[float, Field(gt=0, lt=180)]
+
+
+class KeyCameraSettings(Settings):
+    """Where the camera is at one point of its path."""
+
+    position: Place = Field(description="where the camera stands, metres")
+    target: Place = Field((0.0, 0.0, 0.0), description="what is in the middle of the picture, metres")
+    up: Place = Field((0.0, 0.0, 1.0), description="world direction of the picture's top")
+    fov_degrees: Degrees = Field(36.0, description="angle from the lower to the upper edge, degrees")
+
+
+class IgiCameraSettings(Settings):
+    """From where the scene is seen; by default as its file says."""
+
+    name: str | None = Field(None, min_length=1, description="a camera of the scene's glTF file; default: the first")
+    position: Place | None = Field(None, description="or: where the camera stands, metres")
+    target: Place = Field((0.0, 0.0, 0.0), description="with position: what is in the middle of the picture, metres")
+    up: Place = Field((0.0, 0.0, 1.0), description="with position: world direction of the picture's top")
+    fov_degrees: Degrees = Field(36.0, description="with position: angle from the lower to the upper edge, degrees")
+    path: tuple[KeyCameraSettings, ...] = Field(
+        (),
+        max_length=256,
+        description="or: cameras that it moves through, smoothly, the first picture at the first, the last at the last:"
+        ' [{"position": [1, 2, 1], "target": [0, 0, 1]}, …]',
+    )
+    orbit_degrees: float = Field(
+        0.0, ge=-36000, le=36000, description="it turns so far about the vertical through its target, over all pictures"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.name is not None and self.position is not None:
+            raise PydanticCustomError("camera", "has a name and a position: give one of them")
+        if self.path and (self.name is not None or self.position is not None or self.orbit_degrees):
+            raise PydanticCustomError("camera", "has a path: leave name, position and orbit_degrees out")
+        if len(self.path) == 1:
+            raise PydanticCustomError("camera", "path needs two cameras or more; one is position, target …")
+        return self
+
+
+class IgiRenderSettings(Settings):
+    """Pictures by virtual point lights (paper 004; MATHS §8, §10)."""
+
+    scene: str = Field(
+        min_length=1, description="scene below a data root (.toml, .glb, .gltf), or the id of an uploaded mesh (GLB)"
+    )
+    width: int | None = Field(
+        None, ge=1, le=MAX_SIDE, description="pixels; default: as the scene's file says, else 640"
+    )
+    height: int | None = Field(None, ge=1, le=MAX_SIDE, description="pixels; default: as the file says, else 480")
+    light: IgiLightSettings = IgiLightSettings()
+    camera: IgiCameraSettings = IgiCameraSettings()
+    frames: int | None = Field(
+        None,
+        ge=1,
+        le=MAX_FRAMES,
+        description="pictures; default: as many as light.frames, 48 where the camera moves, else one",
+    )
+    fps: float = Field(24.0, gt=0, le=240, description="of the film, pictures a second")
+    igi: IgiSettings = IgiSettings()
+    ev: float | None = Field(
+        None, ge=-MAX_EV, le=MAX_EV, description="exposure of PNG and film, EV; default: metered from the first picture"
+    )
+    tone_mapping: Literal["neutral", "none"] | None = Field(
+        None, description="of PNG and film: as the web page, or clipped at white; default: as the file says"
+    )
+    checkpoint_seconds: float = Field(
+        10.0, ge=0.05, le=3600, description="time between checkpoints; tiles that are done before are kept too"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.width is not None and self.height is not None and self.width * self.height > MAX_PIXELS:
+            raise PydanticCustomError("picture", "must have at most {most} pixels", {"most": MAX_PIXELS})
+        return self
 
 
 class JobsSettings(Settings):

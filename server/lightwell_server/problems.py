@@ -19,7 +19,7 @@ from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 from starlette.routing import Match, Mount
 
-from lightwell.errors import LightwellError
+from lightwell.errors import LightwellError, RenderError, SourceError
 from lightwell.io.grids import GridError
 from lightwell.io.meshes import MeshError
 from lightwell.io.poses import CaptureError
@@ -55,6 +55,8 @@ REFUSALS: dict[type[LightwellError], tuple[int, str]] = {
     UploadTooLargeError: (413, "upload-too-large"),
     UploadFullError: (507, "no-room"),
     JobError: (422, "invalid-input"),
+    RenderError: (422, "bad-scene"),
+    SourceError: (422, "invalid-input"),
 }
 """What is answered where the parts of the server raise these."""
 

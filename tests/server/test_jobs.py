@@ -99,7 +99,8 @@ def test_a_grid_from_submission_to_sample(client: Lightwell, http: httpx.Client,
     assert http.get("/captures/rig/plot").content.startswith(b"\x89PNG")
     assert 'lightwell_jobs{state="succeeded"}' in http.get("/metrics").text
     assert http.get("/readyz").json()["ready"]
-    assert {kind["name"] for kind in http.get("/job-kinds").json()} == {"ilf-grid", "prt-transfer", "capture-reduce"}
+    kinds = {"ilf-grid", "prt-transfer", "capture-reduce", "igi-render"}
+    assert {kind["name"] for kind in http.get("/job-kinds").json()} == kinds
 
 
 def test_an_adaptive_grid_is_sampled_like_a_regular_one(client: Lightwell, http: httpx.Client, tmp_path: Path) -> None:

@@ -74,10 +74,10 @@ class IgiRendering:
 class IgiRenderer:
     """A scene with its virtual lights, which serve any camera; immutable, for any number of threads."""
 
-    def __init__(self, scene: IgiScene, settings: IgiSettings) -> None:
-        """Make the virtual lights of a scene."""
+    def __init__(self, scene: IgiScene, settings: IgiSettings, surfaces: Surfaces | None = None) -> None:
+        """Make the virtual lights of a scene; ``surfaces`` are those of its objects where there are some already."""
         self.settings = settings
-        self.surfaces = Surfaces(scene)
+        self.surfaces = surfaces or Surfaces(scene)
         self.lights = make_virtual_lights(scene, self.surfaces, settings)
         self._sky = scene.sky
         self._gatherer = Gatherer(self.surfaces.rays, self.lights, settings.bands)

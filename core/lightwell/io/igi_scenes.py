@@ -109,7 +109,12 @@ def load_igi_scene(
 
 def meter_rendering(rendering: IgiRendering) -> float:
     """Return the exposure that fits a picture, EV: the geometric mean of its luminance becomes `KEY`; black gets 0."""
-    luminance = rendering.colour.astype(np.float64).reshape(-1, 3) @ LUMINANCE
+    return meter_colour(rendering.colour)
+
+
+def meter_colour(colour: NDArray[np.float32]) -> float:
+    """Return the exposure that fits linear radiance ``(H, W, 3)``, EV, as `meter_rendering`."""
+    luminance = colour.astype(np.float64).reshape(-1, 3) @ LUMINANCE
     lit = luminance[luminance > 0]
     if not lit.size:
         return 0.0

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def submit(
-    kind: str = typer.Argument(help="ilf-grid, prt-transfer or capture-reduce."),
+    kind: str = typer.Argument(help="ilf-grid, prt-transfer, capture-reduce or igi-render."),
     param: list[str] = typer.Option(
         [], "--param", "-p", metavar="K=V", help="A setting; V is JSON or text, K may be dotted (window.kind=nonneg)."
     ),

@@ -15,14 +15,13 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from lightwell.io.uploads import UPLOAD_ID
-from lightwell.job_settings import DEFAULT_PRIORITY, JobKind, JobState, PrtTransferSettings
+from lightwell.job_settings import DEFAULT_PRIORITY, IgiRenderSettings, JobKind, JobState, PrtTransferSettings
 from lightwell.settings import Settings
+from lightwell_server.igi_inputs import file_of, igi_input
 from lightwell_server.problems import Problem, invalid_input
 from lightwell_server.routes.access import ADMIN, READ, problems
 from lightwell_server.services import Services, services
 from lightwell_workers.jobs.directory import JobDirectory
-from lightwell_workers.jobs.kind import JobError
 from lightwell_workers.jobs.kinds import KINDS
 from lightwell_workers.jobs.queue import FINISHED, Job, Queue
 from lightwell_workers.jobs.workflow import space_problem
@@ -109,11 +108,13 @@ class KindDocument(BaseModel):
 
 
 def _document(parts: Services, job: Job) -> JobDocument:
-    """Return what is shown of a job: a mesh that was sent is named by its upload, not by its place on the server."""
+    """Return what is shown of a job: a file that was sent is named by its upload, not by its place on the server."""
     document = msgspec.to_builtins(job)
-    mesh = document["settings"].get("mesh")
-    if isinstance(mesh, str) and Path(mesh).is_relative_to(parts.uploads.root):
-        document["settings"]["mesh"] = Path(mesh).relative_to(parts.uploads.root).parts[0]
+    light = document["settings"].get("light")
+    for settings, name in ((document["settings"], "mesh"), (document["settings"], "scene"), (light or {}, "map")):
+        place = settings.get(name)
+        if isinstance(place, str) and Path(place).is_relative_to(parts.uploads.root):
+            settings[name] = Path(place).relative_to(parts.uploads.root).parts[0]
     if job.state == "running":
         document["preview_ns"] = _drawn_ns(JobDirectory(parts.jobs.root, job.id).preview)
     for artifact in document["artifacts"]:
@@ -156,10 +157,12 @@ async def submit_job(
 ) -> JobDocument | EstimateDocument:
     """Submit a job, or say what it would need."""
     parts = services(request)
-    settings = await asyncio.to_thread(_settings, parts, submission)
+    earlier = None
+    if idempotency_key is not None:
+        earlier = await parts.jobs.call(lambda queue: queue.of_key(idempotency_key))
+    settings = await asyncio.to_thread(_settings, parts, submission, earlier)
     # What has been submitted already needs no room again.
-    is_known = idempotency_key is not None and await parts.jobs.call(lambda queue: queue.knows(idempotency_key))
-    if submission.dry_run or not is_known:
+    if submission.dry_run or earlier is None:
         estimate = await asyncio.to_thread(_estimate, parts, submission.kind, settings)
         if submission.dry_run:
             response.status_code = 200
@@ -177,26 +180,18 @@ async def submit_job(
     return _document(parts, job)
 
 
-def _settings(parts: Services, submission: JobSubmission) -> Settings:
-    """Return the settings with the folder of the capture, or the file of the mesh, in place of its id."""
+def _settings(parts: Services, submission: JobSubmission, earlier: Job | None) -> Settings:
+    """Return the settings with places of captures and files in place of their ids; ``earlier``: of the same key."""
     try:
         settings = KINDS[submission.kind].settings_type.model_validate(submission.settings)
     except ValidationError as error:
         raise invalid_input(error.errors(), ("settings",)) from None
     if isinstance(settings, PrtTransferSettings):
-        return settings.model_copy(update={"mesh": str(_mesh(parts, settings.mesh))})
+        return settings.model_copy(update={"mesh": str(file_of(parts, settings.mesh, "mesh", "mesh"))})
+    if isinstance(settings, IgiRenderSettings):
+        return igi_input(parts, settings, earlier)
     directory = parts.captures.resolve(submission.settings["capture"])
     return settings.model_copy(update={"capture": str(directory)})
-
-
-def _mesh(parts: Services, named: str) -> Path:
-    """Return the file of a mesh that a job names by upload or by path."""
-    if not UPLOAD_ID.match(named):
-        return parts.captures.allowed(named)
-    record = parts.uploads.find(named)
-    if record.kind != "mesh":
-        raise JobError(f"mesh: the upload {named!r} is the light map {record.name}; send a mesh")
-    return parts.uploads.path(record)
 
 
 def _estimate(parts: Services, kind: JobKind, settings: Settings) -> EstimateDocument:

@@ -121,6 +121,10 @@ class Queue:
         with _reported():
             return bool(self._client.list_workflows(workflow_ids=[_id_of_key(key)], load_input=False))
 
+    def of_key(self, key: str) -> Job | None:
+        """Return the job of an idempotency key, None where there is none."""
+        return self.get(_id_of_key(key)) if self.knows(key) else None
+
     def get(self, job: str) -> Job:
         """Return a job; raises `JobNotFoundError`."""
         return self._view(self._find(job))

@@ -1,0 +1,148 @@
+"""The results of an ``igi-render`` job: pictures of their tiles, the film, the report."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.igi.render import IgiRendering, assemble
+from lightwell.igi_settings import IgiSettings
+from lightwell.io.files import write_atomically
+from lightwell.io.films import write_film
+from lightwell.io.igi_renders import write_igi_rendering
+from lightwell.io.igi_scenes import meter_rendering
+from lightwell.io.preview import encode_png
+from lightwell.job_settings import IgiRenderSettings
+from lightwell_workers.jobs.context import JobContext
+from lightwell_workers.jobs.igi_plan import Plan
+from lightwell_workers.jobs.igi_tasks import load_tile, tile_path
+from lightwell_workers.jobs.kind import JobError
+
+PREVIEW_SIDE = 1024
+
+
+class Counted(msgspec.Struct):
+    """What is known of a picture that has been written."""
+
+    arrived: float
+    clamped: float
+    rays: int
+    mean: list[float]
+    """Linear red, green and blue of its pixels."""
+    coverage: float
+
+
+def frame_files(plan: Plan, results: Path, frame: int) -> tuple[Path, Path]:
+    """Return where a picture goes: EXR and PNG, which are two artefacts, or lie in a folder with all others."""
+    if len(plan.shots) == 1:
+        return results / "layers.exr", results / "picture.png"
+    return results / "frames" / f"{frame:05d}.exr", results / "frames" / f"{frame:05d}.png"
+
+
+def counted_path(work: Path, frame: int) -> Path:
+    """Return the file that is there when a picture has been written."""
+    return work / f"frame-{frame:05d}.json"
+
+
+def finish_frame(plan: Plan, frame: int, context: JobContext) -> None:
+    """Write a picture of its tiles, and forget them; the first one also meters the exposure of all."""
+    paths = [tile_path(context.work, frame, index) for index in range(len(plan.tiles))]
+    if not counted_path(context.work, frame).exists():
+        rendering = assemble(plan.size, [(tile, load_tile(path)) for tile, path in zip(plan.tiles, paths, strict=True)])
+        if not np.isfinite(rendering.colour).all():
+            raise JobError(f"picture {frame} is not finite: the light or an emission is too strong; lower light.gain")
+        ev = _exposure(plan, context, rendering if frame == 0 else None)
+        exr, png = frame_files(plan, context.results, frame)
+        exr.parent.mkdir(parents=True, exist_ok=True)
+        for path in (exr, png):
+            write_igi_rendering(path, rendering, ev, tone_mapping=plan.tone_mapping, backdrop=plan.backdrop)
+        counted = Counted(
+            rendering.arrived,
+            rendering.clamped,
+            rendering.rays,
+            [float(value) for value in rendering.colour.reshape(-1, 3).mean(axis=0, dtype=np.float64)],
+            float(rendering.coverage.mean(dtype=np.float64)),
+        )
+        write_atomically(counted_path(context.work, frame), msgspec.json.encode(counted))
+    for path in paths:
+        path.unlink(missing_ok=True)
+
+
+def write_results(settings: IgiRenderSettings, plan: Plan, context: JobContext) -> None:
+    """Write film, preview and report."""
+    count = len(plan.shots)
+    total = count + 1
+    context.progress("write", 0, total)
+    results = context.results
+    for unfinished in (results / "frames").glob(".*.partial"):  # of a step that was killed while it wrote
+        unfinished.unlink()
+    shown = _opaque(frame_files(plan, results, 0)[1])
+    scale = min(1.0, PREVIEW_SIDE / max(plan.size))
+    if scale < 1:
+        shown = cv2.resize(
+            shown, (round(plan.width * scale) or 1, round(plan.height * scale) or 1), interpolation=cv2.INTER_AREA
+        ).astype(np.uint8)
+    write_atomically(results / "preview.png", encode_png(shown))
+    context.progress("write", 1, total)
+    if count > 1:
+
+        def pictures() -> Iterator[NDArray[np.uint8]]:
+            for frame in range(count):
+                yield _opaque(frame_files(plan, results, frame)[1])
+                context.progress("write", frame + 2, total)
+
+        write_film(results / "film.mp4", pictures(), settings.fps)
+    write_atomically(results / "report.json", (json.dumps(_report(settings, plan, context), indent=1) + "\n").encode())
+    context.progress("write", total, total)
+
+
+def _exposure(plan: Plan, context: JobContext, first: IgiRendering | None) -> float:
+    if plan.ev is not None:
+        return plan.ev
+    path = context.work / "exposure.json"
+    if first is not None:
+        ev = meter_rendering(first)
+        write_atomically(path, json.dumps(ev).encode())
+        return ev
+    return float(json.loads(path.read_bytes()))
+
+
+def _opaque(path: Path) -> NDArray[np.uint8]:
+    """Return a picture ``(H, W, 3)`` RGB, over black."""
+    found = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if found is None:
+        raise JobError(f"{path.name}: has gone or is damaged: submit the job again")
+    colour = found[..., 2::-1]
+    if found.shape[2] == 4:
+        return np.rint(colour * (found[..., 3:] / 255)).astype(np.uint8)
+    return np.ascontiguousarray(colour, np.uint8)
+
+
+def _report(settings: IgiRenderSettings, plan: Plan, context: JobContext) -> dict[str, Any]:
+    counted = [
+        msgspec.json.decode(counted_path(context.work, frame).read_bytes(), type=Counted)
+        for frame in range(len(plan.shots))
+    ]
+    arrived, clamped = math.fsum(one.arrived for one in counted), math.fsum(one.clamped for one in counted)
+    igi = IgiSettings.model_validate_json(plan.igi)
+    return {
+        "frames": len(plan.shots),
+        "fps": settings.fps if len(plan.shots) > 1 else None,
+        "width": plan.width,
+        "height": plan.height,
+        "igi": igi.model_dump(mode="json"),
+        "ev": plan.ev if plan.ev is not None else _exposure(plan, context, None),
+        "rays": sum(one.rays for one in counted),
+        "clamp_bias": clamped / (arrived + clamped) if arrived + clamped > 0 else 0.0,
+        "coverage": [one.coverage for one in counted],
+        "mean": [one.mean for one in counted],
+        "remarks": plan.remarks,
+    }

@@ -1,0 +1,230 @@
+"""What an ``igi-render`` job renders: its scene's file with what the job says put over it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.errors import RenderError
+from lightwell.field.adaptive import AnyGrid
+from lightwell.igi.sky import Sky
+from lightwell.igi_settings import IgiSettings
+from lightwell.io.grids import open_grid
+from lightwell.io.igi_scenes import LoadedIgiScene, load_igi_scene
+from lightwell.io.meshes import MESH_SUFFIXES
+from lightwell.io.scenes import Probe, SceneLoader, read_scene_settings, scene_settings
+from lightwell.job_settings import IgiCameraSettings, IgiLightSettings, IgiRenderSettings
+from lightwell.render.camera import Camera
+from lightwell.render.path import camera_path, orbit
+from lightwell.scene_settings import CameraSettings, SceneLightSettings, SceneSettings
+from lightwell_workers.ingest.sources.sequence import find_sequence
+from lightwell_workers.jobs.directory import JOB_ID, JobDirectory
+from lightwell_workers.jobs.kind import JobError
+
+FRAMES_OF_A_MOVE = 48
+SCENE_FILES = (".toml", ".glb", ".gltf")
+
+
+class SceneSize(NamedTuple):
+    """How much a scene is."""
+
+    triangles: int
+    lamps: int
+    texels: int
+
+
+class Snapshot:
+    """What a job may name of a server (`lightwell.io.scenes.Server`): what it was given when it was submitted."""
+
+    def __init__(self, light: IgiLightSettings, root: Path) -> None:
+        """Take the light of a job, and the folder of all jobs."""
+        self._light = light
+        self._root = root
+
+    def stream(self, name: str) -> NDArray[np.float64]:
+        """Return what the stream showed, ``(bands², 3)``."""
+        if self._light.coefficients is None:
+            raise JobError(
+                f"light.stream: what {name!r} shows is asked for when a server takes the job: submit it to one, or give"
+                " light.coefficients"
+            )
+        return np.array(self._light.coefficients, np.float64)
+
+    def position(self, name: str) -> tuple[float, float, float] | None:
+        """Return where its probe stood."""
+        del name
+        return self._light.probe_at
+
+    def probe(self, name: str) -> Probe:
+        """Return what the stream showed, without gradients."""
+        return Probe(name, self.stream(name), None, self.position(name))
+
+    def field(self, name: str) -> list[Probe]:
+        """Raise `JobError`."""
+        raise JobError(f"light.field: a job takes no field of streams ({name!r}): name one stream, or a grid")
+
+    def grid(self, grid: str) -> AnyGrid:
+        """Return a grid of another job."""
+        job = grid.partition(".")[0]
+        if JOB_ID.match(job):
+            directory = JobDirectory(self._root, job)
+            for artifact in directory.read_manifest():
+                if artifact.id == grid:
+                    return open_grid(directory.artifacts / artifact.path)
+        raise JobError(f"light.grid: there is no grid {grid!r} any more")
+
+    def transfer(self, job: str) -> Path:
+        """Raise `JobError`."""
+        raise JobError(f"objects.transfer: virtual lights need no transfer ({job}): name the mesh")
+
+
+def scene_of(settings: IgiRenderSettings) -> SceneSettings:
+    """Return what is rendered: the file's settings, and over them those of the job that have been set.
+
+    Raises
+    ------
+    LightwellError
+        Where the file cannot be read, or cannot be rendered by virtual lights.
+    """
+    path = Path(settings.scene)
+    suffix = path.suffix.lower()
+    if suffix in SCENE_FILES:
+        found = read_scene_settings(path, {"method": "igi"})
+    elif suffix in MESH_SUFFIXES:
+        if settings.camera.position is None and not settings.camera.path:
+            raise JobError(f"camera: {path.name} has none: give camera.position and camera.target")
+        found = scene_settings(
+            {"method": "igi", "objects": [{"mesh": str(path)}], "camera": {"position": (0, 0, 1)}}, path.name
+        )
+    else:
+        raise JobError(
+            f"scene: {path.name} has the type {suffix or '(none)'}; scenes are {', '.join(SCENE_FILES)}, or meshes"
+            f" {', '.join(MESH_SUFFIXES)}"
+        )
+    picture = found.picture.model_copy(
+        update={
+            name: getattr(settings, name)
+            for name in ("width", "height", "ev", "tone_mapping")
+            if getattr(settings, name) is not None
+        }
+    )
+    changes: dict[str, Any] = {
+        "picture": picture,
+        "igi": _merged(found.igi, settings.igi),
+        "light": _light(settings, found.light),
+    }
+    camera = _camera(settings.camera)
+    if camera is not None:
+        changes["camera"] = camera
+    return found.model_copy(update=changes)
+
+
+def load(settings: IgiRenderSettings, root: Path) -> LoadedIgiScene:
+    """Read all that is rendered; with recorded frames, in the light of the first. ``root``: folder of all jobs."""
+    path = Path(settings.scene)
+    scene = scene_of(settings)
+    sources = light_frames(settings)
+    if sources:
+        scene = scene.model_copy(update={"light": _frame_light(settings.light, sources[0])})
+    return load_igi_scene(scene, path.parent, Snapshot(settings.light, root), where=path.name)
+
+
+def size_of(settings: IgiRenderSettings) -> SceneSize:
+    """Return how much a scene is, without its light; kept for as long as the file is the same."""
+    path = Path(settings.scene)
+    try:
+        state = path.stat()
+        version = (state.st_mtime_ns, state.st_size)
+    except OSError:
+        version = (0, 0)
+    camera = settings.camera.model_dump_json(include={"name", "position", "path"})
+    return _size(settings.scene, version, camera)
+
+
+@lru_cache(maxsize=64)
+def _size(scene: str, version: tuple[int, int], camera: str) -> SceneSize:
+    del version
+    path = Path(scene)
+    settings = IgiRenderSettings(scene=scene, camera=IgiCameraSettings.model_validate_json(camera))
+    found = scene_of(settings).model_copy(update={"light": None})
+    loaded = load_igi_scene(found, path.parent, where=path.name).scene
+    used = (texture.pixels for item in loaded.objects for texture in item.material.textures)
+    textures = {id(pixels): pixels.size for pixels in used}
+    return SceneSize(
+        sum(len(item.mesh.triangles) for item in loaded.objects), len(loaded.lamps), sum(textures.values())
+    )
+
+
+def light_frames(settings: IgiRenderSettings) -> list[Path]:
+    """Return the recorded frames of the light, none where it does not change; raises `SourceError`."""
+    if settings.light.frames is None:
+        return []
+    return [entry.path for entry in find_sequence(settings.light.frames) if entry.path is not None]
+
+
+def frame_count(settings: IgiRenderSettings, sources: int) -> int:
+    """Return how many pictures there are."""
+    moves = bool(settings.camera.path or settings.camera.orbit_degrees)
+    return settings.frames or sources or (FRAMES_OF_A_MOVE if moves else 1)
+
+
+def cameras_of(settings: IgiCameraSettings, camera: Camera, count: int) -> list[Camera]:
+    """Return the camera of each picture; ``camera`` is the scene's. Raises `JobError` where the path cannot be."""
+    if settings.path:
+        keys = [Camera(key.position, key.target, key.up, key.fov_degrees) for key in settings.path]
+        try:
+            return camera_path(keys, count)
+        except ValueError as error:
+            raise JobError(f"camera.path: between its cameras: {error}") from None
+    if settings.orbit_degrees:
+        return orbit(camera, settings.orbit_degrees, count)
+    return [camera] * count
+
+
+def read_sky(settings: IgiLightSettings, path: Path) -> Sky:
+    """Return one recorded frame as a sky; raises `RenderError` where it cannot be read."""
+    _, picture = SceneLoader(path.parent, None, "light.frames").light(_frame_light(settings, path))
+    if picture is None:
+        raise RenderError(f"light.frames: {path}: is no picture")
+    return Sky(np.maximum(picture, 0).astype(np.float32))
+
+
+def _frame_light(light: IgiLightSettings, path: Path) -> SceneLightSettings:
+    return SceneLightSettings(file=path, mapping=light.mapping, gain=light.gain)
+
+
+def _merged(file: IgiSettings, job: IgiSettings) -> IgiSettings:
+    return file.model_copy(update={name: getattr(job, name) for name in job.model_fields_set})
+
+
+def _light(settings: IgiRenderSettings, before: SceneLightSettings | None) -> SceneLightSettings | None:
+    light = settings.light
+    if light.map is None and light.stream is None and light.grid is None:
+        if before is None or light.gain == 1:
+            return before
+        return before.model_copy(update={"gain": before.gain * light.gain})
+    follows = light.grid is not None and (light.map is not None or light.stream is not None)
+    return SceneLightSettings(
+        file=None if light.map is None else Path(light.map),
+        mapping=light.mapping,
+        stream=light.stream,
+        grid=None if light.grid is None else (light.grid,),
+        gain=light.gain,
+        probe_at=light.probe_at if follows else None,
+    )
+
+
+def _camera(settings: IgiCameraSettings) -> CameraSettings | None:
+    """Return the job's own camera, if it has one."""
+    if settings.name is not None:
+        return CameraSettings(name=settings.name)
+    placed = settings.path[0] if settings.path else settings
+    if placed.position is None:
+        return None
+    if max(abs(a - b) for a, b in zip(placed.position, placed.target, strict=True)) < 1e-6:
+        raise JobError("camera: position and target must differ")
+    return CameraSettings(position=placed.position, target=placed.target, up=placed.up, fov_degrees=placed.fov_degrees)
