@@ -225,8 +225,6 @@ class IgiLightSettings(Settings):
             )
         if self.frames is not None and self.grid is not None:
             raise PydanticCustomError("light", "a grid follows a map or a stream, not frames: leave one out")
-        if self.probe_at is not None and self.grid is None:
-            raise PydanticCustomError("light", "probe_at needs a grid")
         return self
 
 

@@ -11,7 +11,7 @@ from lightwell.io.captures import Capture, open_capture
 from lightwell.job_settings import JobsSettings
 from lightwell_server.store import Store
 
-ROOTS = ("captures", "jobs", "meshes", "uploads")
+ROOTS = ("captures", "jobs", "meshes", "scenes", "uploads")
 """Folders of the data directory below which inputs of jobs may lie."""
 CAPTURE_ID = re.compile(r"^[a-z0-9][a-z0-9_-]{0,62}$")
 

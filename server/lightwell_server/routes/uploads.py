@@ -143,9 +143,10 @@ def _job_with(queue: Queue, place: str) -> str | None:
     for state in ("queued", "running"):
         cursor: str | None = None
         while True:
-            jobs, cursor = queue.page(cursor, 200, state, "prt-transfer")
+            jobs, cursor = queue.page(cursor, 200, state)
             for job in jobs:
-                if job.settings.get("mesh") == place:
+                light = job.settings.get("light") or {}
+                if place in (job.settings.get("mesh"), job.settings.get("scene"), light.get("map")):
                     return job.id
             if cursor is None:
                 break
