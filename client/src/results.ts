@@ -65,9 +65,9 @@ async function refreshObjects(): Promise<void> {
   largestUpload.value = list.max_bytes;
 }
 
-/** What people call the input of a job: the capture's folder, the uploaded file. */
+/** What people call the input of a job: the capture's folder, the uploaded file, the scene. */
 export function subjectOf(job: Job): string {
-  const { capture, mesh } = job.settings;
-  const given = typeof capture === "string" ? capture : typeof mesh === "string" ? mesh : "";
+  const { capture, mesh, scene } = job.settings;
+  const given = [capture, mesh, scene].find((value) => typeof value === "string") ?? "";
   return uploads.value?.find(({ id }) => id === given)?.name ?? baseName(given);
 }

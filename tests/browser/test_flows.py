@@ -340,6 +340,31 @@ def test_a_thinned_capture_is_registered(
     expect(page.get_by_role("form", name="New job").get_by_label("Capture")).to_have_value(re.compile("^reduced-"))
 
 
+def test_a_film_is_rendered(open_page: OpenPage, room: Publisher, server: ServerProcess) -> None:
+    scenes = server.directory / "data" / "scenes"
+    scenes.mkdir(exist_ok=True)
+    (scenes / "ball.toml").write_text(
+        'method = "igi"\ncamera.position = [0, -4, 1]\n[[objects]]\nshape = "sphere"\nemission = 2\n'
+    )
+    page = open_page(f"#{BARE}&tab=jobs", size=SIZE)
+    page.get_by_role("button", name="New job…").click()
+    form = page.get_by_role("form", name="New job")
+    form.get_by_label("Kind", exact=True).select_option("igi-render")
+    form.get_by_label("Scene", exact=True).fill("scenes/ball.toml")
+    form.get_by_label("Camera: orbit (°)").fill("90")
+    form.get_by_label("Width", exact=True).fill("64")
+    form.get_by_label("Height", exact=True).fill("48")
+    form.get_by_text("More settings").click()
+    form.get_by_label("Frames", exact=True).fill("3")
+    form.get_by_role("button", name="Submit").click()
+    job = page.get_by_test_id("job").filter(has_text="Render ball.toml")
+    expect(job).to_have_attribute("data-state", "succeeded", timeout=JOB_MS)
+    page.wait_for_function("document.querySelector('[data-testid=job] img')?.naturalWidth == 64", timeout=JOB_MS)
+    with page.context.expect_page() as opened:
+        job.get_by_role("button", name="Open the film").click()
+    assert opened.value.request.get(opened.value.url).headers["content-type"] == "video/mp4"
+
+
 def test_jobs_are_found_among_many(open_page: OpenPage, room: Publisher, server: ServerProcess, captures: Path) -> None:
     body = {"kind": "ilf-grid", "settings": {"capture": "captures/slow", "resolutions": 48}, "priority": 1000}
     with httpx.Client(base_url=f"{server.url}/api/v1", timeout=60) as api:

@@ -30,6 +30,18 @@ const BASIC: Record<string, string[]> = {
   "ilf-grid": ["capture", "resolutions", "bands", "gradients"],
   "prt-transfer": ["mesh", "mode", "directions", "bands", "bounces"],
   "capture-reduce": ["capture", "tolerance", "max_distance_m"],
+  "igi-render": [
+    "scene",
+    "light.stream",
+    "light.map",
+    "camera.name",
+    "camera.position",
+    "camera.target",
+    "camera.orbit_degrees",
+    "width",
+    "height",
+    "igi.vpls",
+  ],
 };
 const SHOWN_OF_OTHERS = 4;
 

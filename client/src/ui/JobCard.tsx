@@ -69,6 +69,9 @@ export function JobCard({ job }: { job: Job }) {
       : job.preview_ns !== null && !finished
         ? withVersion(here(`jobs/${job.id}/preview`), job.preview_ns)
         : null;
+  // A rendering's preview is smaller than the picture.
+  const whole = job.artifacts.find(({ path }) => path === "picture.png");
+  const film = job.artifacts.find(({ path }) => path === "film.mp4");
   const grids = job.artifacts.filter(({ path }) => path.endsWith(GRID));
   const hasObject = job.kind === "prt-transfer" && job.state === "succeeded";
   const makesCapture = job.kind === "capture-reduce" ? job.artifacts.find(({ media_type }) => media_type === "inode/directory") : undefined;
@@ -99,7 +102,7 @@ export function JobCard({ job }: { job: Job }) {
           class="picture"
           aria-label={`Preview of ${title}, larger`}
           title={finished ? undefined : "What there is so far"}
-          onClick={() => showPicture(title, picture)}
+          onClick={() => showPicture(title, whole === undefined ? picture : here(`artifacts/${whole.id}`))}
         >
           <img src={picture} alt="" loading="lazy" />
         </button>
@@ -115,6 +118,11 @@ export function JobCard({ job }: { job: Job }) {
             {grids.length === 1 ? "Open the grid" : `Open ${grid.path.slice(0, -GRID.length)}`}
           </button>
         ))}
+        {film !== undefined && (
+          <button type="button" class="primary" onClick={() => window.open(here(`artifacts/${film.id}`), "_blank", "noreferrer")}>
+            Open the film
+          </button>
+        )}
         {hasObject && (
           <button type="button" class="primary" onClick={() => change({ object: job.id, shadows: true })}>
             Show the object

@@ -4,7 +4,8 @@ import { captures, refreshCaptures } from "../captures.ts";
 import { NORMAL_PRIORITY, basicOf, closeForm, estimate, fieldsOfKind, form, note, submitForm } from "../jobs/form.ts";
 import { kinds } from "../jobs/store.ts";
 import { bytes, duration, kindTitle } from "../jobs/words.ts";
-import { refreshResults, uploads } from "../results.ts";
+import { grids, refreshResults, uploads } from "../results.ts";
+import { streams } from "../session.ts";
 import { SchemaForm, type Suggestion } from "./SchemaForm.tsx";
 import { Wrong } from "./controls.tsx";
 
@@ -23,6 +24,18 @@ function choicesOf(): Record<string, Suggestion[]> {
   const meshes = (uploads.value ?? []).filter(({ kind }) => kind === "mesh");
   if (meshes.length > 0) choices["mesh"] = meshes.map(({ id, name }) => ({ value: id, label: name }));
   return choices;
+}
+
+/** What may be named, where paths may be too. */
+function suggestionsOf(): Record<string, Suggestion[]> {
+  const sent = (wanted: string) =>
+    (uploads.value ?? []).filter(({ kind }) => kind === wanted).map(({ id, name }) => ({ value: id, label: name }));
+  return {
+    scene: sent("mesh"),
+    "light.map": sent("map"),
+    "light.stream": (streams.value ?? []).map(({ name, state }) => ({ value: name, label: state })),
+    "light.grid": (grids.value ?? []).map(({ id, capture }) => ({ value: id, label: capture })),
+  };
 }
 
 /** A new job: kind, settings, what it would need, and off. */
@@ -66,6 +79,7 @@ export function JobForm() {
         draft={value.draft}
         errors={value.errors}
         choices={choicesOf()}
+        suggestions={suggestionsOf()}
         onChange={(draft) => note({ draft, estimate: null })}
       />
       <div class="field">

@@ -19,9 +19,11 @@ interface Props {
   errors: readonly FieldError[];
   /** Paths for which there is a list to choose from. */
   choices?: Readonly<Record<string, readonly Suggestion[]>>;
+  /** Paths for which something else may be typed too. */
+  suggestions?: Readonly<Record<string, readonly Suggestion[]>>;
 }
 
-export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {} }: Props) {
+export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {}, suggestions = {} }: Props) {
   const root = useRef<HTMLDivElement>(null);
   useEffect(() => {
     // What is wrong may have been scrolled away.
@@ -38,6 +40,7 @@ export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {
       typed={draft[field.path]}
       error={complaint(field, errors)}
       choices={choices[field.path]}
+      suggestions={suggestions[field.path] ?? []}
       onChange={(value) => onChange({ ...draft, [field.path]: value })}
     />
   );
@@ -59,10 +62,11 @@ interface FieldProps {
   typed: string | boolean | undefined;
   error: string;
   choices: readonly Suggestion[] | undefined;
+  suggestions: readonly Suggestion[];
   onChange: (value: string | boolean) => void;
 }
 
-function FieldInput({ field, typed, error, choices, onChange }: FieldProps) {
+function FieldInput({ field, typed, error, choices, suggestions, onChange }: FieldProps) {
   const id = `field-${field.path}`;
   const fallback = written(field.fallback);
   const common = {
@@ -111,6 +115,7 @@ function FieldInput({ field, typed, error, choices, onChange }: FieldProps) {
         spellcheck={false}
         value={value ?? ""}
         placeholder={fallback === "" ? (field.required ? "" : "default") : fallback}
+        {...(suggestions.length > 0 ? { list: `${id}-list` } : {})}
         onInput={(event) => onChange(event.currentTarget.value)}
       />
     );
@@ -119,6 +124,15 @@ function FieldInput({ field, typed, error, choices, onChange }: FieldProps) {
     <div class={error === "" ? "field" : "field invalid"}>
       <label for={id}>{field.label}</label>
       {input}
+      {choices === undefined && suggestions.length > 0 && (
+        <datalist id={`${id}-list`}>
+          {suggestions.map((one) => (
+            <option key={one.value} value={one.value}>
+              {one.label}
+            </option>
+          ))}
+        </datalist>
+      )}
       <p class="hint" id={`${id}-hint`}>
         {error !== "" ? <strong>{error}</strong> : field.hint}
       </p>
