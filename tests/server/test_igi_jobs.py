@@ -98,7 +98,9 @@ def test_a_stream_is_taken_as_it_is_when_the_job_is_submitted(api: httpx.Client,
     assert 0.5 < report["mean"][0][0] < 2.0
     picture = api.get(f"/artifacts/{paths['picture.png']}")
     assert picture.headers["Content-Type"] == "image/png"
-    assert np.shape(cv2.imdecode(np.frombuffer(picture.content, np.uint8), cv2.IMREAD_COLOR)) == (16, 24, 3)
+    pixels = cv2.imdecode(np.frombuffer(picture.content, np.uint8), cv2.IMREAD_COLOR)
+    assert pixels is not None
+    assert pixels.shape == (16, 24, 3)
 
 
 def test_uploads_and_paths_are_checked_before_the_job_is_taken(api: httpx.Client, data: Path) -> None:

@@ -148,6 +148,13 @@ def test_a_recording_is_light_over_time(tmp_path: Path, folder: Path) -> None:
     np.testing.assert_allclose(np.array(means) / means[0], [1, 1, 3], rtol=1e-4)
 
 
+def test_a_damaged_frame_is_named(tmp_path: Path, folder: Path) -> None:
+    write_rgb(tmp_path / "torn.0.exr", np.ones((16, 32, 3), np.float32))
+    (tmp_path / "torn.1.exr").write_bytes((tmp_path / "torn.0.exr").read_bytes()[:400])
+    with pytest.raises(LightwellError, match=r"torn\.1\.exr"):
+        run(tmp_path, folder / "unlit.toml", light={"frames": str(tmp_path / "torn.%d.exr")})
+
+
 def test_a_stream_is_what_it_showed(tmp_path: Path, folder: Path) -> None:
     constant = [[np.sqrt(4 * np.pi)] * 3, *[[0, 0, 0]] * 8]
     light = {"stream": "hall", "coefficients": constant}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,9 @@ from lightwell.io.igi_renders import write_igi_rendering
 from lightwell.io.igi_scenes import meter_rendering
 from lightwell.io.preview import encode_png
 from lightwell.job_settings import IgiRenderSettings
-from lightwell_workers.jobs.context import JobContext
+from lightwell_workers.jobs.context import JobContext, stop_if_cancelled
 from lightwell_workers.jobs.igi_plan import Plan
-from lightwell_workers.jobs.igi_tasks import load_tile, tile_path
+from lightwell_workers.jobs.igi_tasks import load_tile, plan_of, tile_path
 from lightwell_workers.jobs.kind import JobError
 
 PREVIEW_SIDE = 1024
@@ -52,28 +52,41 @@ def counted_path(work: Path, frame: int) -> Path:
     return work / f"frame-{frame:05d}.json"
 
 
-def finish_frame(plan: Plan, frame: int, context: JobContext) -> None:
-    """Write a picture of its tiles, and forget them; the first one also meters the exposure of all."""
-    paths = [tile_path(context.work, frame, index) for index in range(len(plan.tiles))]
-    if not counted_path(context.work, frame).exists():
-        rendering = assemble(plan.size, [(tile, load_tile(path)) for tile, path in zip(plan.tiles, paths, strict=True)])
-        if not np.isfinite(rendering.colour).all():
-            raise JobError(f"picture {frame} is not finite: the light or an emission is too strong; lower light.gain")
-        ev = _exposure(plan, context, rendering if frame == 0 else None)
-        exr, png = frame_files(plan, context.results, frame)
-        exr.parent.mkdir(parents=True, exist_ok=True)
-        for path in (exr, png):
-            write_igi_rendering(path, rendering, ev, tone_mapping=plan.tone_mapping, backdrop=plan.backdrop)
-        counted = Counted(
-            rendering.arrived,
-            rendering.clamped,
-            rendering.rays,
-            [float(value) for value in rendering.colour.reshape(-1, 3).mean(axis=0, dtype=np.float64)],
-            float(rendering.coverage.mean(dtype=np.float64)),
-        )
-        write_atomically(counted_path(context.work, frame), msgspec.json.encode(counted))
-    for path in paths:
-        path.unlink(missing_ok=True)
+def finish_frames(plan: Plan, frames: Sequence[int], context: JobContext) -> None:
+    """Write pictures of their tiles, which are forgotten then; the first one also meters the exposure of all."""
+    missing = [frame for frame in frames if not counted_path(context.work, frame).exists()]
+    for some in (missing[:1], missing[1:]) if 0 in missing else (missing,):
+        for _ in context.map(write_frame, [(str(context.work), str(context.results), frame) for frame in some]):
+            pass
+    for frame in frames:
+        for index in range(len(plan.tiles)):
+            tile_path(context.work, frame, index).unlink(missing_ok=True)
+
+
+def write_frame(cancel: Path, work: str, results: str, frame: int) -> None:
+    """Write one picture. A task: it takes seconds where the picture is large, and a cancelled job ends before it."""
+    plan, place = plan_of(work), Path(work)
+    parts = []
+    for index, tile in enumerate(plan.tiles):
+        stop_if_cancelled(cancel)
+        parts.append((tile, load_tile(tile_path(place, frame, index))))
+    rendering = assemble(plan.size, parts)
+    if not np.isfinite(rendering.colour).all():
+        raise JobError(f"picture {frame} is not finite: the light or an emission is too strong; lower light.gain")
+    ev = _exposure(plan, place, rendering if frame == 0 else None)
+    exr, png = frame_files(plan, Path(results), frame)
+    exr.parent.mkdir(parents=True, exist_ok=True)
+    for path in (exr, png):
+        stop_if_cancelled(cancel)
+        write_igi_rendering(path, rendering, ev, tone_mapping=plan.tone_mapping, backdrop=plan.backdrop)
+    counted = Counted(
+        rendering.arrived,
+        rendering.clamped,
+        rendering.rays,
+        [float(value) for value in rendering.colour.reshape(-1, 3).mean(axis=0, dtype=np.float64)],
+        float(rendering.coverage.mean(dtype=np.float64)),
+    )
+    write_atomically(counted_path(place, frame), msgspec.json.encode(counted))
 
 
 def write_results(settings: IgiRenderSettings, plan: Plan, context: JobContext) -> None:
@@ -104,10 +117,10 @@ def write_results(settings: IgiRenderSettings, plan: Plan, context: JobContext) 
     context.progress("write", total, total)
 
 
-def _exposure(plan: Plan, context: JobContext, first: IgiRendering | None) -> float:
+def _exposure(plan: Plan, work: Path, first: IgiRendering | None) -> float:
     if plan.ev is not None:
         return plan.ev
-    path = context.work / "exposure.json"
+    path = work / "exposure.json"
     if first is not None:
         ev = meter_rendering(first)
         write_atomically(path, json.dumps(ev).encode())
@@ -139,7 +152,7 @@ def _report(settings: IgiRenderSettings, plan: Plan, context: JobContext) -> dic
         "width": plan.width,
         "height": plan.height,
         "igi": igi.model_dump(mode="json"),
-        "ev": plan.ev if plan.ev is not None else _exposure(plan, context, None),
+        "ev": plan.ev if plan.ev is not None else _exposure(plan, context.work, None),
         "rays": sum(one.rays for one in counted),
         "clamp_bias": clamped / (arrived + clamped) if arrived + clamped > 0 else 0.0,
         "coverage": [one.coverage for one in counted],

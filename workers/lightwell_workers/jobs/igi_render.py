@@ -17,7 +17,7 @@ from lightwell.igi.surfaces import Surfaces
 from lightwell.io.files import write_atomically
 from lightwell.job_settings import IgiRenderSettings, JobKind
 from lightwell_workers.jobs.context import JobContext
-from lightwell_workers.jobs.igi_finish import counted_path, finish_frame, write_results
+from lightwell_workers.jobs.igi_finish import counted_path, finish_frames, write_results
 from lightwell_workers.jobs.igi_plan import Plan, Shot, estimate, read_plan, tile_seconds, tile_side
 from lightwell_workers.jobs.igi_preview import Preview
 from lightwell_workers.jobs.igi_scene import cameras_of, frame_count, light_frames, load
@@ -124,6 +124,4 @@ def _render(plan: Plan, first: int, last: int, context: JobContext) -> None:
         preview.put(tiles[tile], tile_path(context.work, frame, tile))
         context.progress("render", done, plan.total)
     preview.draw()
-    for frame in range(first // len(tiles), last // len(tiles)):
-        finish_frame(plan, frame, context)
-        context.check()
+    finish_frames(plan, range(first // len(tiles), last // len(tiles)), context)

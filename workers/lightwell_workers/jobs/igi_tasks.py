@@ -98,6 +98,11 @@ def render_coarse(cancel: Path, work: str, out: str) -> None:
     save_tile(Path(out), rendering)
 
 
+def plan_of(work: str) -> Plan:
+    """Return a job's plan."""
+    return _plan(work)[0]
+
+
 def _plan(work: str) -> tuple[Plan, int]:
     path = plan_path(Path(work))
     stamp = path.stat().st_mtime_ns
