@@ -319,7 +319,7 @@ class JobsSettings(Settings):
     processes: int = Field(0, ge=0, le=1024, description="compute processes on this machine; 0: one a core")
     concurrency: int = Field(2, ge=1, le=64, description="jobs at once")
     data_roots: tuple[Path, ...] = Field(
-        (), description="folders below which captures may lie, beside captures/ in the data directory"
+        (), description="folders below which captures, meshes and scenes may lie, beside those of the data directory"
     )
     quota_mb: int = Field(100_000, ge=1, description="disk that all jobs may use together, megabytes")
     min_free_mb: int = Field(500, ge=0, description="free disk that a job must leave, megabytes")
