@@ -27,7 +27,7 @@ def picture(settings: IgiSettings) -> NDArray[np.float64]:
 def test_a_room_with_panels(tmp_path: Path) -> None:
     theirs = room_path_traced(panel_room(), ROOM_CAMERA, SIZE, 529, tmp_path)
     errors = {}
-    for count in (64, 256, 1024, 4096):
+    for count in (64, 256, 1024):
         mine = picture(IgiSettings(sets=(4, 4), vpls=count, bounces=10))
         errors[count] = float(np.sqrt(((mine - theirs) ** 2).mean()) / theirs.mean())
     print("\nrelative rms by virtual lights: " + ", ".join(f"{n}: {error:.2%}" for n, error in errors.items()))
