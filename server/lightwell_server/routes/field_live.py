@@ -28,6 +28,9 @@ router = APIRouter()
 
 LOOK_SECONDS = 0.5
 """Pause between looks at which members give light."""
+STALLS = 1.5
+"""The hub cuts off who does not take a frame for its ``stall_seconds``. What is not a stream's frame, or no longer, is
+waited for so many times as long."""
 
 
 class Query(msgspec.Struct):
@@ -54,6 +57,7 @@ class View:
         self.sending: Subscription | None = None
         self.ready = asyncio.Event()
         hub = parts.hub
+        self.patience_seconds = STALLS * hub.settings.stall_seconds
         members = self._attach()
         self._events.append(
             encode(
@@ -81,15 +85,15 @@ class View:
 
     def take(self) -> bytes | None:
         """Return what to send next; the members take turns."""
-        self._sent_at = time.monotonic()
+        now = time.monotonic()
         if self._events:
-            self.sending = None
+            self._sent_at, self.sending = now, None
             return self._events.popleft()
         for stream, subscription in list(self._subscriptions.items()):
-            message = subscription.take(self._sent_at)
+            message = subscription.take(now)
             if message is not None:
                 self._subscriptions[stream] = self._subscriptions.pop(stream)
-                self.sending = subscription
+                self._sent_at, self.sending = now, subscription
                 return message
         return None
 
@@ -136,7 +140,8 @@ async def field_live(websocket: WebSocket, name: str) -> None:
         await admit(websocket, Scope.READ)
         parts.fields.entry(name)
         query = read_query(websocket.query_params, Query)
-        if parts.hub.subscribers() >= parts.config.hub.max_subscribers:
+        # A field none of whose streams gives light has a socket, but no subscription.
+        if max(parts.hub.subscribers(), parts.fields.followers.total()) >= parts.config.hub.max_subscribers:
             raise RefusedError(CLOSE_POLICY, f"the server has {parts.config.hub.max_subscribers} subscribers: no more")
         view = View(parts, name, query, ended)
     except RefusedError as refused:
@@ -181,7 +186,11 @@ async def _send(websocket: WebSocket, view: View) -> None:
         while (message := view.take()) is not None:
             if view.sending is not None:
                 view.sending.sending_since = time.monotonic()
-            await websocket.send_bytes(message)
+            try:
+                async with asyncio.timeout(view.patience_seconds):
+                    await websocket.send_bytes(message)
+            except TimeoutError:
+                raise WebSocketDisconnect(CLOSE_POLICY, "takes nothing") from None
             if view.sending is not None:
                 view.sending.sending_since = None
             if time.monotonic() - looked >= LOOK_SECONDS:
