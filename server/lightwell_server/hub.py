@@ -33,6 +33,7 @@ from lightwell.wire import (
     StreamState,
     StreamStatus,
     Subscribe,
+    Vector3,
     encode,
 )
 from lightwell_server.config import HubSettings
@@ -239,6 +240,8 @@ class Channel:
     _encoded: dict[Variant, bytes] = field(default_factory=dict)
     _session: str = ""
     _seq: int = -1
+    _place_then: Vector3 | None = None
+    """``position_m`` of the settings when the newest frame came."""
 
     @property
     def state(self) -> StreamState:
@@ -287,7 +290,10 @@ class Channel:
             self.counters.lost += max(frame.seq - self._seq - 1, 0)
         self._session, self._seq = frame.session, frame.seq
         self.counters.frames += 1
+        if frame.position is None:  # of a worker that does not say what stands in the settings
+            frame = msgspec.structs.replace(frame, position=self.settings.position_m)
         self.latest, self.latest_at = frame, now
+        self._place_then = self.settings.position_m
         self._encoded = {}
         for subscription in self.subscriptions:
             subscription.put_frame()
@@ -323,10 +329,22 @@ class Channel:
     def reconfigure(self, settings: StreamSettings) -> None:
         """Take new settings and hand them to the worker, which keeps its source and its mapping while it runs."""
         self.settings = settings
+        self._correct_place()
         if self.publisher is not None:
             kept = {key: getattr(self.publisher.settings, key) for key in RESTART_KEYS}
             self.publisher.settings = settings.model_copy(update=kept)
             self.publisher.configure(self.publisher.settings)
+
+    def _correct_place(self) -> None:
+        """Let the newest frame stand where the settings now say, unless its source knew: no other may follow it."""
+        before, place = self._place_then, self.settings.position_m
+        if self.latest is None or place in (None, before) or self.latest.position not in (None, before):
+            return
+        self._place_then = place
+        self.latest = msgspec.structs.replace(self.latest, position=place)
+        self._encoded = {}
+        for subscription in self.subscriptions:
+            subscription.put_frame()
 
     def _broadcast(self, message: Message) -> None:
         event = encode(message)

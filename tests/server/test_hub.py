@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from tests.support.publisher import make_backdrop, make_frame, make_status
 
@@ -342,3 +344,30 @@ def test_nothing_is_kept_for_a_subscriber_that_never_takes(hub: Hub, channel: Ch
         channel.publish_backdrop(encode(make_backdrop(seq)))
     messages = subscriber.take_all()
     assert [type(message) for message in messages] == [Hello, Missed, Frame, Backdrop]
+
+
+def test_frames_stand_where_the_settings_say_unless_their_source_knows(hub: Hub, channel: Channel) -> None:
+    """Also the last one, after which none may come: a recording has ended, and its place is corrected."""
+    placed = SETTINGS.model_copy(update={"position_m": (1.0, 2.0, 3.0)})
+    subscriber = Subscriber(hub, channel)
+    subscriber.take_all()
+
+    def stands() -> Any:
+        assert channel.latest is not None
+        return channel.latest.position
+
+    def settle(settings: StreamSettings) -> Any:
+        hub.open("probe", settings)  # as the catalogue does
+        channel.reconfigure(settings)
+        return stands()
+
+    channel.publish_frame(make_frame(0), 0)
+    assert settle(placed) == (1, 2, 3)
+    frame = subscriber.take_all()[-1]
+    assert isinstance(frame, Frame)
+    assert list(frame.position or ()) == [1, 2, 3]
+    assert settle(placed.model_copy(update={"position_m": (4.0, 5.0, 6.0)})) == (4, 5, 6)
+    channel.publish_frame(make_frame(1), 0)
+    assert stands() == (4, 5, 6)
+    channel.publish_frame(make_frame(2, position=(7.0, 8.0, 9.0)), 0)
+    assert settle(placed) == (7, 8, 9)
