@@ -21,6 +21,9 @@ from lightwell_client.errors import LightTimeoutError
 from lightwell_client.follow import DEFAULT_SERVER, Follower, socket_url
 from lightwell_client.frames import LightFrame
 
+ONE_PLACE_M = 1e-3
+"""Two probes nearer than this say the same twice."""
+
 
 @dataclass(frozen=True, eq=False)
 class FieldLight:
@@ -39,14 +42,13 @@ class FieldLight:
 
     @cached_property
     def samples(self) -> SampleSet:
-        """The frames as samples, with the bands that all have; gradients count where all have them."""
+        """The frames as samples, with the bands that all have, and the gradients of those that have them."""
         frames = list(self.frames.values())
         count = coefficient_count(min(frame.bands for frame in frames))
-        gradients = [frame.gradients[:count] for frame in frames if frame.gradients is not None]
         return SampleSet(
             np.array([frame.position for frame in frames], dtype=np.float64),
             np.stack([frame.coefficients[:count] for frame in frames]),
-            np.stack(gradients) if len(gradients) == len(frames) else None,
+            [None if frame.gradients is None else frame.gradients[:count] for frame in frames],
         )
 
     def at(self, points: ArrayLike, method: Method = "barycentric") -> NDArray[np.float32]:
@@ -111,6 +113,7 @@ class AsyncField(Follower):
         self._on_members = on_members
         self._frames: dict[str, LightFrame] = {}
         self._light: FieldLight | None = None
+        self._is_stale = False
         self._is_new = False
         self._untold: dict[str, int] = {}
         self.members: list[FieldMember] = []
@@ -136,36 +139,58 @@ class AsyncField(Follower):
         seconds = self._timeout if within_seconds is None else within_seconds
         try:
             async with asyncio.timeout(seconds):
-                while not self._is_new or (light := self._combine()) is None:
+                while not self._is_new or (light := self.latest()) is None:
                     self._raise_failure()
                     self._arrived.clear()
                     await self._arrived.wait()
-                self._is_new = False
                 return light
         except TimeoutError:
             raise LightTimeoutError(f"no light of {self.field!r} within {seconds:g} s{self._reasons()}") from None
 
     def latest(self) -> FieldLight | None:
-        """Return the newest light at once; None where no stream gives any. Raises as `next`, but for the time-out."""
+        """Return the newest light at once; None where no stream gives any. Raises as `next`, but for the time-out.
+
+        It stays while the connection is away, and while the frame of a stream that gives light again is on its way.
+        """
         self._require_entered()
         self._raise_failure()
         self._is_new = False
-        return self._combine()
+        light = self._combine()
+        return light if self._giving() else None
 
     def at(self, points: ArrayLike, method: Method = "barycentric") -> NDArray[np.float32]:
-        """Return the newest light at points (`FieldLight.at`); raises `LightTimeoutError` where there is none yet."""
-        light = self.latest()
+        """Return the newest light at points (`FieldLight.at`); where no stream gives any now, the last there was.
+
+        Raises `LightTimeoutError` where there has been none yet.
+        """
+        return self.last().at(points, method)
+
+    def last(self) -> FieldLight:
+        """Return the newest light there has been; raises `LightTimeoutError` where there has been none yet."""
+        light = self.latest() or self._light
         if light is None:
             raise LightTimeoutError(f"no light of {self.field!r} yet{self._reasons()}: wait for it with next()")
-        return light.at(points, method)
+        return light
+
+    def _giving(self) -> list[str]:
+        return [member.stream for member in self.members if not member.problem]
+
+    def _is_complete(self) -> bool:
+        """Whether a frame of each stream that gives light has come: light of a part of them would be another."""
+        giving = self._giving()
+        return bool(giving) and all(name in self._frames for name in giving)
 
     def _combine(self) -> FieldLight | None:
-        if self._light is None:
-            told = {member.stream: member.problem for member in self.members}
-            frames = {name: self._frames[name] for name in told if name in self._frames and not told[name]}
-            problems = {name: problem or "no frame yet" for name, problem in told.items() if name not in frames}
-            if frames:
-                self._light = FieldLight(self.field, frames, problems)
+        if self._is_stale and self._is_complete():
+            problems = {member.stream: member.problem for member in self.members if member.problem}
+            frames: dict[str, LightFrame] = {}
+            for name in self._giving():
+                if clash := _clash(self._frames[name], frames):
+                    problems[name] = clash
+                else:
+                    frames[name] = self._frames[name]
+            self._light = FieldLight(self.field, frames, problems)
+            self._is_stale = False
         return self._light
 
     def _reasons(self) -> str:
@@ -205,9 +230,21 @@ class AsyncField(Follower):
         self._tell(self._on_members, members)
 
     def _changed(self) -> None:
-        self._light = None
-        self._is_new = bool(self._frames)
+        self._is_stale = True
+        self._is_new = self._is_complete()
         self._arrived.set()
+
+
+def _clash(frame: LightFrame, used: Mapping[str, LightFrame]) -> str:
+    """Return why a frame cannot be used beside others: the server looks less often than frames come."""
+    for name, other in used.items():
+        if frame.units != other.units:
+            return f"its unit is {frame.units}, that of {name!r} {other.units}"
+        assert frame.position is not None
+        assert other.position is not None
+        if np.linalg.norm(frame.position - other.position) < ONE_PLACE_M:
+            return f"its probe stands where that of {name!r} does"
+    return ""
 
 
 class Field(Blocking):
@@ -278,7 +315,8 @@ class Field(Blocking):
 
     def at(self, points: ArrayLike, method: Method = "barycentric") -> NDArray[np.float32]:
         """Return the newest light at points; see `AsyncField.at`."""
-        light = self.latest()
-        if light is None:
-            raise LightTimeoutError(f"no light of {self._follower.field!r} yet: wait for it with next()")
-        return light.at(points, method)
+
+        async def last() -> FieldLight:
+            return self._follower.last()
+
+        return self._call(last()).at(points, method)

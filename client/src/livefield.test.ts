@@ -45,16 +45,25 @@ describe("a field", () => {
     Socket.newest.say({ type: "field_hello", heartbeat_seconds: 2, members: [member("left"), member("right")] });
     expect(field.state).toBe("waiting");
     Socket.newest.say(frame("left"));
-    const before = field.lights;
+    expect(field.lights.size).toBe(0); // the light of a part of the streams is another
     Socket.newest.say(frame("right"));
     expect(field.state).toBe("live");
-    expect([...before.keys()]).toEqual(["left"]);
-    expect([...field.lights.keys()]).toEqual(["left", "right"]);
+    const before = field.lights;
+    expect([...before.keys()]).toEqual(["left", "right"]);
     expect(field.lights.get("right")!.gradients).toHaveLength(9);
     Socket.newest.say({ type: "missed", stream: "left", count: 3, total: 3 });
     Socket.newest.say({ type: "field_status", members: [member("left", "it has stopped: start it"), member("right")] });
     expect([...field.lights.keys()]).toEqual(["right"]);
+    expect([...before.keys()]).toEqual(["left", "right"]);
     expect(field.missed).toBe(3);
+    // The server starts again: the last light stays until that of all is there.
+    Socket.newest.say({ type: "field_hello", heartbeat_seconds: 2, members: [member("left", "no frame"), member("right", "no frame")] });
+    expect([field.state, ...field.lights.keys()]).toEqual(["stalled", "right"]);
+    Socket.newest.say({ type: "field_hello", heartbeat_seconds: 2, members: [member("left"), member("right")] });
+    Socket.newest.say(frame("left"));
+    expect([...field.lights.keys()]).toEqual(["right"]);
+    Socket.newest.say(frame("right"));
+    expect([...field.lights.keys()]).toEqual(["left", "right"]);
     field.follow("hall");
     expect([field.lights.size, field.members.length, field.missed]).toEqual([0, 0, 0]);
     field.follow(null);

@@ -14,7 +14,10 @@ export function fieldUrl(base: string, field: string): string {
 }
 
 export class LiveField {
-  /** The newest light of each stream that gives light. Replaced as it changes: what was read stays as it was. */
+  /**
+   * The newest light of each stream that gives light. Replaced as it changes: what was read stays as it was. It also
+   * stays while no stream gives any, and while the first of a stream is on its way: that of a part would be another.
+   */
   lights: ReadonlyMap<string, Light> = new Map();
   /** The streams of the field, and why some give no light. */
   members: readonly FieldMember[] = [];
@@ -23,6 +26,7 @@ export class LiveField {
   readonly frames = new Rate();
 
   private field: string | null = null;
+  private newest = new Map<string, Light>();
   private readonly connection = new Connection((data, receivedMs) => this.receive(data, receivedMs));
 
   constructor(private readonly base: string) {}
@@ -32,6 +36,7 @@ export class LiveField {
     if (field === this.field && !this.connection.refused) return;
     this.field = field;
     this.lights = new Map();
+    this.newest.clear();
     this.members = [];
     this.missed = 0;
     this.frames.clear();
@@ -62,13 +67,15 @@ export class LiveField {
     switch (message.type) {
       case "field_hello":
         this.connection.established(message.heartbeat_seconds);
+        this.newest.clear();
         this.keep(message.members);
         break;
       case "field_status":
         this.keep(message.members);
         break;
       case "frame":
-        this.lights = new Map(this.lights).set(message.stream, lightOf(message, receivedMs));
+        this.newest.set(message.stream, lightOf(message, receivedMs));
+        this.show();
         this.frames.add(receivedMs);
         break;
       case "missed":
@@ -85,7 +92,17 @@ export class LiveField {
   /** Leave out what gives no light any more. */
   private keep(members: readonly FieldMember[]): void {
     this.members = members;
-    const given = new Set(members.filter(({ problem }) => problem === "").map(({ stream }) => stream));
-    this.lights = new Map([...this.lights].filter(([stream]) => given.has(stream)));
+    const given = new Set(this.giving());
+    this.newest = new Map([...this.newest].filter(([stream]) => given.has(stream)));
+    this.show();
+  }
+
+  private giving(): string[] {
+    return this.members.filter(({ problem }) => problem === "").map(({ stream }) => stream);
+  }
+
+  private show(): void {
+    const giving = this.giving();
+    if (giving.length > 0 && giving.every((stream) => this.newest.has(stream))) this.lights = new Map(this.newest);
   }
 }

@@ -223,7 +223,7 @@ def _look(stream: str, channel: Channel | None, used: list[Member]) -> Member:
 def sample_set(members: list[Member], bands: int | None) -> SampleSet:
     """Return the light of the members that give any, with as many bands as all of them have and ``bands`` at most.
 
-    Gradients count where all have them: a part of them would tilt the light between.
+    Gradients are used of those that have them.
 
     Raises
     ------
@@ -234,9 +234,9 @@ def sample_set(members: list[Member], bands: int | None) -> SampleSet:
     if not frames:
         raise ValueError("no stream of the field gives light now")
     count = coefficient_count(min([frame.bands for frame in frames] + ([bands] if bands else [])))
-    gradients = [unpack_gradients(frame.gradients)[:count] for frame in frames if frame.gradients is not None]
+    gradients = [None if frame.gradients is None else unpack_gradients(frame.gradients)[:count] for frame in frames]
     return SampleSet(
         np.array([member.position for member in members if member.frame is not None], dtype=np.float64),
         np.stack([unpack_coefficients(frame.coefficients)[:count] for frame in frames]),
-        np.stack(gradients) if len(gradients) == len(frames) else None,
+        gradients,
     )

@@ -42,7 +42,7 @@ POINTS = [(0.25, 0.0, 1.0), (0.0, 0.2, 0.9), (-0.9, 0.1, 1.0)]
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    hub = {"heartbeat_seconds": 0.3}
+    hub = {"heartbeat_seconds": 0.7}  # longer than the pauses between a field's looks at its members
     with running_server(tmp_path_factory.mktemp("data"), hub=hub) as url:
         yield url
 
@@ -226,7 +226,7 @@ def test_a_message_is_refused(server: str, stage: Stage) -> None:
             socket.recv(10)
 
 
-def test_the_client_samples_what_comes(server: str, stage: Stage) -> None:
+def test_the_client_samples_what_comes(api: httpx.Client, server: str, stage: Stage) -> None:
     exact = SampleSet(
         [LEFT, RIGHT],
         np.stack([LIGHTS["left"], LIGHTS["right"]]),
@@ -234,9 +234,7 @@ def test_the_client_samples_what_comes(server: str, stage: Stage) -> None:
     ).at(POINTS)
     told: list[Any] = []
     with Field(stage.field, server, timeout=30, on_members=told.append) as field:
-        light = field.next()
-        while len(light.frames) < 2:
-            light = field.next()
+        light = field.next()  # of both at once: with a part of the probes it would be another
         np.testing.assert_allclose(light.at(POINTS), exact, rtol=1e-5)
         np.testing.assert_allclose(field.at(POINTS[0]), exact[0], rtol=1e-5)
         np.testing.assert_array_equal(light.positions, [LEFT, RIGHT])
@@ -244,10 +242,16 @@ def test_the_client_samples_what_comes(server: str, stage: Stage) -> None:
         frame = light.frames[stage.names[0]]
         np.testing.assert_allclose(frame.at([0.1, 0, 0]), LIGHTS["left"] + 0.1 * SLOPES["left"][..., 0], rtol=1e-5)
 
-        shine(stage.left, position=LEFT, gradients=False)  # a part of the gradients would tilt the light between
-        while (light := field.next()).samples.gradients is not None:
+        shine(stage.left, position=LEFT, gradients=False)
+        while (light := field.next()).samples.known.all():
             pass
-        np.testing.assert_allclose(light.at((0, 0, 1)), (LIGHTS["left"] + LIGHTS["right"]) / 2, rtol=1e-5)
+        # Half way the light departs from the mean by a quarter of how the right one's gradient does from the chord.
+        chord, slope = LIGHTS["left"] - LIGHTS["right"], -SLOPES["right"][..., 0]
+        middle = (LIGHTS["left"] + LIGHTS["right"]) / 2 + (slope - chord) / 4
+        np.testing.assert_allclose(light.at((0, 0, 1)), middle, rtol=1e-5)
+        sample = api.get(f"/fields/{stage.field}/sample?at=0,0,1").json()
+        np.testing.assert_allclose(sample["points"][0]["coefficients"], middle, rtol=1e-5)
+        assert (sample["gradients"], [m["gradients"] for m in sample["members"]]) == (True, [False, True])
         with pytest.raises(ValueError, match="gradients=True"):
             light.frames[stage.names[0]].at([0.1, 0, 0])
 
@@ -263,8 +267,8 @@ def test_the_client_samples_what_comes(server: str, stage: Stage) -> None:
 async def test_the_asynchronous_client_follows_too(server: str, stage: Stage) -> None:
     async with AsyncField(stage.field, server, convention="unreal", timeout=30) as field:
         async for light in field:
-            if len(light.frames) == 2:
-                break
+            assert len(light.frames) == 2
+            break
         point = convert_directions((0.0, 0.0, 1.0), "unreal")
         assert field.at(point).shape == (9, 3)
         await asyncio.to_thread(shine, stage.left, position=LEFT)
@@ -311,3 +315,39 @@ def test_fields_survive_a_restart_and_come_from_the_file(tmp_path: Path) -> None
         assert client.field("filed").streams == ["left", "right"]
         with pytest.raises(ProblemError, match="no stream of the field 'kept' gives light now: left: the stream is"):
             client.sample_field("kept", [0, 0, 0])
+
+
+def test_a_program_that_draws_outlives_a_server_that_starts_again(tmp_path: Path) -> None:
+    both = dict(zip(("left", "right"), (LEFT, RIGHT), strict=True))
+    exact = SampleSet([LEFT, RIGHT], [LIGHTS[name] for name in both], [SLOPES[name] for name in both]).at(POINTS)
+    with ExitStack() as stack:
+        with (
+            running_server(tmp_path, hub={"heartbeat_seconds": 1}) as url,
+            ExitStack() as workers,
+            Lightwell(url) as rest,
+        ):
+            port = int(url.rpartition(":")[2])
+            for name, place in both.items():
+                shine(workers.enter_context(Publisher(url, name)), position=place)
+            wait_until(lambda: all(rest.latest(name) for name in both))
+            rest.create_field("stage", list(both))
+            field = stack.enter_context(Field("stage", url, timeout=30))
+            np.testing.assert_allclose(field.next().at(POINTS), exact, rtol=1e-5)
+        wait_until(lambda: not field.connected)
+        np.testing.assert_allclose(field.at(POINTS), exact, rtol=1e-5)
+        with running_server(tmp_path, server={"port": port, "data_dir": tmp_path}) as url:
+            wait_until(lambda: field.connected and field.members[0].problem)
+            assert field.latest() is None
+            np.testing.assert_allclose(field.at(POINTS), exact, rtol=1e-5)  # the last there was
+            with Publisher(url, "left") as left, Publisher(url, "right") as right:
+                shine(left, position=LEFT)
+                assert list(field.next().frames) == ["left"]
+                shine(right, position=RIGHT)
+                while len((light := field.next()).frames) < 2:
+                    pass
+                np.testing.assert_allclose(light.at(POINTS), exact, rtol=1e-5)
+                # What the server has not noticed yet: both at one place.
+                shine(right, position=LEFT)
+                light = field.next()
+                assert "stands where" in light.problems["right"]
+                np.testing.assert_allclose(light.at(LEFT), LIGHTS["left"], rtol=1e-5)

@@ -31,7 +31,7 @@ export class NearLight {
 
   /**
    * The light to draw at a spot. What the light in the object's middle is comes from afar, to every pixel; how it departs
-   * from that over the object is looked up, at vertices or pixels. `gradients`: use them, where all probes have some.
+   * from that over the object is looked up, at vertices or pixels. `gradients`: use those that probes have.
    */
   illuminate(probes: readonly Probe[], { middle, radius }: Spot, gradients: boolean, renderer: WebGLRenderer | null): Lighting {
     const set = this.setOf(probes, gradients);
@@ -45,10 +45,12 @@ export class NearLight {
   }
 
   private setOf(probes: readonly Probe[], gradients: boolean): SampleSet {
+    // Those bands that all have: a probe without the others does not say that they are dark there.
+    const bands = Math.min(...probes.map(({ light }) => Math.sqrt(light.coefficients.length / 3)));
     const samples = probes.map(({ position, light }) => ({
       position,
-      coefficients: withBands(light.coefficients, PAGE_BANDS),
-      gradients: gradients && light.gradients !== null ? padded(light.gradients) : null,
+      coefficients: withBands(light.coefficients.subarray(0, 3 * bands * bands), PAGE_BANDS),
+      gradients: gradients && light.gradients !== null ? padded(light.gradients.subarray(0, 9 * bands * bands)) : null,
     }));
     const positions = samples.map(({ position }) => position);
     if (JSON.stringify(positions) !== JSON.stringify(this.places?.positions)) this.places = new Places(positions);

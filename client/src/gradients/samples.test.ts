@@ -17,16 +17,18 @@ interface Vectors {
   points: Vector3[];
   light: number[][];
   plain: number[][];
+  /** Where samples 0, 3, … have no gradient. */
+  partly: number[][];
 }
 
 const file = new URL("../../../tests/vectors/page/page.json", import.meta.url);
 const { samples: vectors } = JSON.parse(readFileSync(file, "utf-8")) as { samples: Vectors[] };
 
-function samplesOf({ positions, coefficients, gradients }: Vectors, withGradients = true): Sample[] {
+function samplesOf({ positions, coefficients, gradients }: Vectors, has: (k: number) => boolean = () => true): Sample[] {
   return positions.map((position, k) => ({
     position,
     coefficients: Float64Array.from(coefficients[k]!),
-    gradients: withGradients ? Float64Array.from(gradients[k]!) : null,
+    gradients: has(k) ? Float64Array.from(gradients[k]!) : null,
   }));
 }
 
@@ -36,10 +38,11 @@ function expectClose(actual: ArrayLike<number>, expected: ArrayLike<number>, tol
 }
 
 describe.each(vectors)("light of $name", (vector) => {
-  it("is Python's, with gradients and without", () => {
+  it("is Python's, with gradients, without, and with some", () => {
     for (const [set, light] of [
       [new SampleSet(samplesOf(vector)), vector.light],
-      [new SampleSet(samplesOf(vector, false)), vector.plain],
+      [new SampleSet(samplesOf(vector, () => false)), vector.plain],
+      [new SampleSet(samplesOf(vector, (k) => k % 3 !== 0)), vector.partly],
     ] as const) {
       vector.points.forEach((point, k) => expectClose(set.at(point), light[k]!, 1e-9));
     }

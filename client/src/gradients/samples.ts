@@ -140,8 +140,9 @@ export class Places {
   }
 }
 
-/** Samples of light at a few places, and the light between and near them. Gradients count where all samples have them. */
+/** Samples of light at a few places, and the light between and near them. */
 export class SampleSet {
+  /** Whether any sample has a gradient. */
   readonly gradients: boolean;
   private readonly change: Float64Array;
 
@@ -151,24 +152,42 @@ export class SampleSet {
     readonly places = new Places(samples.map(({ position }) => position)),
   ) {
     this.change = new Float64Array(samples[0]!.coefficients.length);
-    this.gradients = samples.every(({ gradients }) => gradients !== null);
+    this.gradients = samples.some(({ gradients }) => gradients !== null);
   }
 
   at(point: Vector3): Float64Array {
     return this.mixed(this.places.mix(point));
   }
 
-  /** The coefficients `Σ W_k (c_k + G_k·step_k)`, with the step's limit; into `values` where they are given. */
+  /**
+   * The coefficients `Σ W_k (c_k + G_k·step_k)`, with the step's limit; into `values` where they are given. Between a
+   * sample with a gradient and one without the light bends by how the gradient departs from the chord.
+   */
   mixed({ weights, steps }: Mix, values = new Float64Array(this.samples[0]!.coefficients.length)): Float64Array {
     values.fill(0);
     const change = this.change.fill(0);
-    this.samples.forEach(({ coefficients, gradients }, k) => {
+    const lacking = weights.map((weight, k) => (this.samples[k]!.gradients === null ? weight : 0));
+    const share = lacking.reduce((sum, weight) => sum + weight, 0);
+    this.samples.forEach(({ position, coefficients, gradients }, k) => {
       const weight = weights[k]!;
       if (weight === 0) return;
       for (let i = 0; i < values.length; i++) values[i]! += weight * coefficients[i]!;
-      if (this.gradients) addChange(change, gradients!, steps[k]!, weight);
+      if (!this.gradients) return;
+      if (share > 0) {
+        const straightened = weight * (gradients === null ? share - 1 : share);
+        for (let i = 0; i < values.length; i++) change[i]! += straightened * coefficients[i]!;
+      }
+      if (gradients === null) return;
+      const step = share === 0 ? steps[k]! : this.longer(steps[k]!, position, lacking);
+      addChange(change, gradients, step, weight);
     });
     if (this.gradients) addLimited(values, change);
     return values;
+  }
+
+  /** A sample's step towards those that lack a gradient is whole, not half. */
+  private longer(step: Vector3, from: Vector3, lacking: readonly number[]): Vector3 {
+    const towards = (k: number) => lacking.reduce((sum, weight, i) => sum + weight * (this.samples[i]!.position[k]! - from[k]!), 0);
+    return step.map((value, k) => value + 0.5 * towards(k)) as unknown as Vector3;
   }
 }

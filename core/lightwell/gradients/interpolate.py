@@ -4,11 +4,18 @@ Within the samples' hull the weights W have linear precision, and half of each g
 ``c = Σ W_k (c_k + ½ G_k·(x − x_k))`` is exact for light that is quadratic in space. What lies off the hull, or across
 the line or plane that few samples span, is extrapolated by the whole gradient from the nearest point of the hull.
 Shepard's weights have no linear precision and take whole gradients.
+
+Where a part of the samples has gradients, halves of those alone would tilt the light between. The sum above is one over
+pairs, ``½ Σ_jk W_j W_k G_k·(x_j − x_k)``: how the light bends between two samples, by half of both gradients. One
+gradient says that too, against the chord: ``W_j W_k (G_k·(x_j − x_k) − (c_j − c_k))``. So linear light stays exact, and
+quadratic light is where at most one sample lacks a gradient. Without any between two, light runs straight from one to
+the other.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,7 +47,7 @@ class SampleSet:
     coefficients
         ``(n, bands², 3)``.
     gradients
-        ``(n, bands², 3, 3)`` per metre; None: samples alone.
+        ``(n, bands², 3, 3)`` per metre, or one array or None for each sample; None: samples alone.
 
     Raises
     ------
@@ -48,7 +55,12 @@ class SampleSet:
         Where there is no sample, arrays do not fit each other, something is not finite or two samples share a place.
     """
 
-    def __init__(self, positions: ArrayLike, coefficients: ArrayLike, gradients: ArrayLike | None = None) -> None:
+    def __init__(
+        self,
+        positions: ArrayLike,
+        coefficients: ArrayLike,
+        gradients: ArrayLike | Sequence[ArrayLike | None] | None = None,
+    ) -> None:
         self.positions = _finite(positions, "positions")
         self.coefficients = _finite(coefficients, "coefficients")
         if self.positions.ndim != 2 or self.positions.shape[1] != 3 or len(self.positions) == 0:
@@ -57,7 +69,17 @@ class SampleSet:
             raise ValueError(
                 f"coefficients have the shape {self.coefficients.shape}; ({len(self.positions)}, bands², 3) is needed"
             )
-        self.gradients = None if gradients is None else _finite(gradients, "gradients")
+        self.known = np.ones(len(self.positions), np.bool_)
+        """Which samples have a gradient."""
+        self.gradients: Floats | None = None
+        if isinstance(gradients, Sequence) and any(one is None for one in gradients):
+            self.known = np.array([one is not None for one in gradients])
+            none = np.zeros((*self.coefficients.shape[1:], 3))
+            if self.known.any():
+                each = [none if one is None else np.asarray(one) for one in gradients]
+                self.gradients = _finite(np.stack(each), "gradients")
+        elif gradients is not None:
+            self.gradients = _finite(cast(ArrayLike, gradients), "gradients")
         if self.gradients is not None and self.gradients.shape != (*self.coefficients.shape, 3):
             raise ValueError(
                 f"gradients have the shape {self.gradients.shape}; {(*self.coefficients.shape, 3)} is needed"
@@ -86,16 +108,24 @@ class SampleSet:
         weights, steps = self.weights(flat, method, power)
         values = np.tensordot(weights, self.coefficients, axes=(1, 0))
         if self.gradients is not None:
+            straightened: Floats = np.zeros(())
+            if method == "barycentric" and not self.known.all():
+                lacking = np.where(self.known, 0, weights)
+                share = lacking.sum(axis=1, keepdims=True)
+                steps = steps + 0.5 * ((lacking @ self.positions)[:, None] - share[..., None] * self.positions)
+                straightened = np.tensordot(
+                    weights * np.where(self.known, share, share - 1), self.coefficients, axes=(1, 0)
+                )
             change = np.tensordot(
                 weights[:, :, None] * steps, np.moveaxis(self.gradients, -1, 1), axes=([1, 2], [0, 1])
             )
-            values = limit_change(values, change)
+            values = limit_change(values, straightened + change)
         return np.asarray(values.reshape(*places.shape[:-1], *self.coefficients.shape[1:]))
 
     def weights(self, points: Floats, method: Method = "barycentric", power: float = 2.0) -> tuple[Floats, Floats]:
         """Return the weights ``(p, n)`` of the samples at points ``(p, 3)``, and the steps of each ``(p, n, 3)``.
 
-        ``c(x) = Σ_k W_k (c_k + G_k·step_k)``: a shader does the same with these.
+        ``c(x) = Σ_k W_k (c_k + G_k·step_k)`` where all samples have gradients.
         """
         offsets = points[:, None, :] - self.positions
         if method == "shepard":

@@ -369,18 +369,22 @@ class SceneLoader:
                     " ([gradients]), or leave this out"
                 )
         bands = self._bands(settings, min(bands_of_count(len(probe.coefficients)) for probe in probes))
-        everywhere = settings.gradients is not False and all(probe.gradients is not None for probe in probes)
         coefficients = np.stack([with_bands(probe.coefficients, bands) for probe in probes])
-        gradients = [probe.gradients[: bands * bands] for probe in probes if everywhere and probe.gradients is not None]
+        gradients: list[NDArray[np.float64] | None] = [
+            None
+            if probe.gradients is None or settings.gradients is False
+            else settings.gain * probe.gradients[: bands * bands]
+            for probe in probes
+        ]
         window = _window_of(settings.window, coefficients[0])
         if window is not None:
             coefficients = np.stack([apply_window(values, window) for values in coefficients])
-            gradients = [apply_window(values, window) for values in gradients]
+            gradients = [None if values is None else apply_window(values, window) for values in gradients]
         return SampledLight(
             SampleSet(
                 [settings.probe_at or probe.position or (0.0, 0.0, 0.0) for probe in probes],
                 settings.gain * coefficients,
-                settings.gain * np.stack(gradients) if gradients else None,
+                gradients,
             )
         )
 

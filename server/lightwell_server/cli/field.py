@@ -103,7 +103,9 @@ def sample(
         return
     for point in found.points:
         _print_light(list(point.at), point.coefficients)
-    print("with gradients" if found.gradients else "without gradients: not all streams have them")
+    lacking = [member.stream for member in found.members if member.used and not member.gradients]
+    slopes = "with gradients" if found.gradients else "without gradients"
+    print(f"{slopes}; not of {', '.join(lacking)}" if found.gradients and lacking else slopes)
     for member in found.members:
         if member.problem:
             print(f"without {member.stream}: {member.problem}")

@@ -32,7 +32,7 @@ class MemberDescription(BaseModel):
     used: bool = Field(description="whether its light is in the field now")
     problem: str = Field(description="why not, and the remedy; empty where it is")
     position_m: tuple[float, float, float] | None = Field(None, description="where its probe stands, world metres")
-    gradients: bool = Field(description="whether its newest frame has them; they count where all members have some")
+    gradients: bool = Field(description="whether its newest frame has them")
     trust_radius_m: float | None = None
 
 
@@ -77,7 +77,7 @@ class FieldSample(BaseModel):
     convention: Convention
     units: Units
     bands: int
-    gradients: bool = Field(description="whether gradients were used: all members have them")
+    gradients: bool = Field(description="whether gradients were used: of those members that have them")
     points: list[FieldPoint]
     members: list[MemberDescription]
 

@@ -35,6 +35,10 @@ class _Quadratic:
     def samples(self, positions: Floats, gradients: bool = True) -> SampleSet:
         return SampleSet(positions, self(positions), self.derivative(positions) if gradients else None)
 
+    def samples_of_which(self, positions: Floats, known: list[bool]) -> SampleSet:
+        slopes = [one if has else None for one, has in zip(self.derivative(positions), known, strict=True)]
+        return SampleSet(positions, self(positions), slopes)
+
 
 def _inside(positions: Floats, count: int = 100) -> Floats:
     return np.asarray(np.random.default_rng(1).dirichlet(np.ones(len(positions)), count) @ positions)
@@ -77,6 +81,39 @@ def test_without_gradients_it_is_linear_in_the_hull() -> None:
     field, positions = _Quadratic(0.0), RNG.uniform(-1, 1, (10, 3))
     points = _inside(positions)
     np.testing.assert_allclose(field.samples(positions, gradients=False).at(points), field(points), atol=1e-10)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 9, 40])
+def test_one_sample_may_lack_its_gradient(count: int) -> None:
+    """How light bends between it and the others is what their gradients say."""
+    field, positions = _Quadratic(), RNG.uniform(-1, 1, (count, 3))
+    points = _inside(positions)
+    ours = field.samples_of_which(positions, [k != 1 for k in range(count)])
+    np.testing.assert_allclose(ours.at(points), field(points), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(ours.at(positions), field(positions), rtol=0, atol=1e-11)
+
+
+def test_some_gradients_do_not_tilt_light() -> None:
+    positions = RNG.uniform(-1, 1, (12, 3))
+    points, known = _inside(positions), [k % 3 == 0 for k in range(12)]
+    linear, bent = _Quadratic(0.0), _Quadratic()
+    np.testing.assert_allclose(linear.samples_of_which(positions, known).at(points), linear(points), atol=1e-10)
+    errors = [
+        np.abs(ours.at(points) - bent(points)).mean()
+        for ours in (
+            bent.samples(positions),
+            bent.samples_of_which(positions, known),
+            bent.samples(positions, gradients=False),
+        )
+    ]
+    assert errors[0] < 1e-10
+    assert errors[1] < 0.8 * errors[2]
+    none = bent.samples_of_which(positions, [False] * 12)
+    assert none.gradients is None
+    np.testing.assert_array_equal(none.at(points), bent.samples(positions, gradients=False).at(points))
+    path = np.linspace(-3, 3, 4001)[:, None] * np.array([0.6, 0.64, 0.48])
+    steps = np.abs(np.diff(bent.samples_of_which(positions, known).at(path), axis=0)).max(axis=(1, 2))
+    assert steps.max() < 30 * np.median(steps) + 1e-3
 
 
 def test_leaving_the_hull_is_continuous() -> None:

@@ -224,11 +224,12 @@ def test_light_beside_probes(folder: Path) -> None:
         wanted = extrapolate(coefficients(4), slopes(4), points - np.array(at or place or (0.0, 0.0, 0.0)))
         np.testing.assert_allclose(found, wanted, atol=1e-12)
     assert isinstance(light(stream="hall", gradients=False), DistantLight)
-    # Between two probes; where one has no gradients, and where they are not wanted, in straight lines.
+    # Between two probes; where one has no gradients, by those of the other; where they are not wanted, straight.
     ends, each = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], [coefficients(4)] * 2
     np.testing.assert_allclose(light(field="stage").at(points), SampleSet(ends, each, [slopes(4)] * 2).at(points))
-    for plain in (light(field="half"), light(field="stage", gradients=False)):
-        np.testing.assert_allclose(plain.at(points), SampleSet(ends, each).at(points))
+    np.testing.assert_allclose(light(field="half").at(points), SampleSet(ends, each, [slopes(4), None]).at(points))
+    straight = light(field="stage", gradients=False).at(points)
+    np.testing.assert_allclose(straight, SampleSet(ends, each).at(points))
     # Gradients are windowed and multiplied as the light is, and cut to the same bands.
     plain, hann = light(field="stage", bands=3), light(field="stage", bands=3, gain=2.0, window={"kind": "hann"})
     weights = 2 * fixed_window("hann", 3)

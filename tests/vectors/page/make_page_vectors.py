@@ -222,7 +222,10 @@ SETS = {
 
 
 def sample_vectors() -> list[dict[str, Any]]:
-    """Light between and near samples with gradients, and without; far away the step is cut short."""
+    """Light between and near samples with gradients, without, and where samples 0, 3, … have none.
+
+    Far away the step is cut short.
+    """
     rng = np.random.default_rng(11)
     rows = []
     for name, positions in SETS.items():
@@ -238,6 +241,8 @@ def sample_vectors() -> list[dict[str, Any]]:
         ]
         whole = SampleSet(positions, coefficients, gradients).at(points)
         plain = SampleSet(positions, coefficients).at(points)
+        every_third = [None if k % 3 == 0 else one for k, one in enumerate(gradients)]
+        partly = SampleSet(positions, coefficients, every_third).at(points)
         rows.append(
             {
                 "name": name,
@@ -247,6 +252,7 @@ def sample_vectors() -> list[dict[str, Any]]:
                 "points": np.array(points).tolist(),
                 "light": whole.reshape(len(points), -1).tolist(),
                 "plain": plain.reshape(len(points), -1).tolist(),
+                "partly": partly.reshape(len(points), -1).tolist(),
             }
         )
     return rows
