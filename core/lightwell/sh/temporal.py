@@ -263,7 +263,9 @@ class _CommonGainFilter:
         known = [one.gradients for one in (before, here) if one.gradients is not None]
         if not known or not moved.any():
             return False
-        if float(np.linalg.norm(moved)) > max(before.reach_m, here.reach_m):
+        # A frame without gradients says nothing of how far those of the other hold.
+        reach = max(one.reach_m for one in (before, here) if one.gradients is not None)
+        if float(np.linalg.norm(moved)) > reach:
             return True
         if all(gradients.shape[:1] == self._output.shape[:1] for gradients in known):
             change = (sum(known) / len(known)) @ moved

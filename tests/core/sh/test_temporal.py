@@ -17,7 +17,7 @@ from lightwell.sh.basis import evaluate
 from lightwell.sh.lobes import lambert_zonal
 from lightwell.sh.minimum import minimum
 from lightwell.sh.rotation import rotate
-from lightwell.sh.temporal import TemporalFilter, make_filter
+from lightwell.sh.temporal import Place, TemporalFilter, make_filter
 
 SECOND = 1_000_000_000
 START = 1_790_000_000 * SECOND
@@ -424,3 +424,15 @@ def test_switched_light() -> None:
     noise, frames = switched("kalman", process_noise=2e-4, measurement_noise=9e-4)
     assert noise < 0.55 * raw
     assert frames == 0
+
+
+def test_gradients_are_followed_no_further_than_they_reach() -> None:
+    """Also where the frame that follows has none: it says nothing of how far those of the one before hold."""
+    c, slope = np.ones((4, 3)), np.full((4, 3, 3), 0.5)
+    for metres, jumps in ((0.1, False), (4.0, True)):
+        ours = make("tau", tau_seconds=10.0)
+        ours.update(c, START, place=Place(slope, np.zeros(3), 0.2))
+        after = ours.update(c, START + SECOND // 1000, place=Place(None, np.array([metres, 0, 0])))
+        assert ours.cut == jumps
+        np.testing.assert_allclose(after, c if jumps else c + 0.5 * metres, rtol=1e-3)
+        assert ours.gradients is None
