@@ -17,6 +17,9 @@ from lightwell.probe.mapping import Mapping
 
 Floats = NDArray[np.float64]
 
+NEAREST_M = 1e-5
+"""What is nearer than this touches the probe: no gradient can be told there."""
+
 
 class Proxy(Protocol):
     """What light is taken to come from."""
@@ -125,6 +128,12 @@ class DepthProxy:
             )
         self.mapping = mapping
         self._metres = np.where(np.isfinite(metres) & (metres > 0), metres, np.inf)
+        row, column = np.unravel_index(int(np.argmin(self._metres)), metres.shape)
+        if self._metres[row, column] < NEAREST_M:
+            raise ProxyError(
+                f"the depth map has {self._metres[row, column]:g} m in row {row}, column {column}: depths are metres "
+                "along the ray; 0 where there is nothing"
+            )
 
     def distances(self, origin: ArrayLike, directions: ArrayLike) -> Floats:
         """Return the distances ``(…)``, infinite where the mapping does not look. Directions are the mapping's."""
@@ -144,8 +153,12 @@ def inverse_distances(proxy: Proxy, origin: ArrayLike, directions: ArrayLike) ->
     """
     distances = proxy.distances(origin, directions)
     place = _text(np.asarray(origin, dtype=np.float64))
-    if not (distances > 0).all():
-        raise ProxyError(f"the probe at {place} m lies on the proxy's surface; move it off")
+    nearest = float(distances.min())
+    if not nearest >= NEAREST_M:  # NaN is not either
+        raise ProxyError(
+            f"the probe at {place} m lies on the proxy's surface, {nearest:g} m from it; move it off, and check that "
+            "lengths are in metres"
+        )
     if not np.isfinite(distances).any():
         raise ProxyError(
             f"from the probe at {place} m the proxy is not seen in any direction; check its unit, axes and place"

@@ -94,6 +94,8 @@ def test_outlines_take_what_is_near() -> None:
         (lambda: BoxProxy([0, 0, 0], [1, 1, 1]).distances([np.nan, 0, 0], DIRECTIONS), "probe's position"),
         (lambda: MeshProxy(RayScene([])), "no triangles"),
         (lambda: DepthProxy(LatLong(4, 8), np.ones((8, 4))), r"needs \(4, 8\)"),
+        (lambda: DepthProxy(LatLong(4, 8), np.where(np.eye(4, 8), 1e-42, 1)), "1.*e-42 m in row 0, column 0: .*metres"),
+        (lambda: inverse_distances(MeshProxy(RayScene([plane()])), [0.1, 0.1, 1e-6], -DIRECTIONS), "surface, .*metres"),
         (lambda: inverse_distances(DepthProxy(LatLong(4, 8), np.zeros((4, 8))), [0, 0, 0], DIRECTIONS), "not seen in"),
         (lambda: inverse_distances(MeshProxy(RayScene([plane()])), [9, 9, -1], -DIRECTIONS[:2]), "not seen in"),
     ],

@@ -14,7 +14,7 @@ import structlog
 from pydantic import ValidationError
 from tests.workers.ingest.test_pipeline import ListSink, ListSource
 
-from lightwell.errors import LightwellError, ProxyError
+from lightwell.errors import FrameError, LightwellError, ProxyError
 from lightwell.geometry.mesh import Mesh, make_mesh
 from lightwell.gradients.proxy import BoxProxy
 from lightwell.gradients.sphere import sphere_gradients
@@ -267,9 +267,35 @@ def test_settings_change_while_the_stream_runs(tmp_path: Path) -> None:
     assert pipeline.settings == settings()
 
 
+def test_a_probe_that_sees_half_says_so() -> None:
+    """Its gradients are those of that half; how far they hold for all of the light is not known."""
+    fisheye = MappingSettings(kind="fisheye", fov_degrees=180)
+    sink = ListSink()
+    wanted = settings(mapping=fisheye, filter=NO_FILTER)
+    pipeline = Pipeline(ListSource([*frames("frames=2&width=128", fisheye)]), wanted, "s", "x", sink)
+    with structlog.testing.capture_logs() as logs:
+        pipeline.run()
+    assert [(message.gradients is None, message.trust_radius_m) for message in sink.frames] == [(False, None)] * 2
+    assert "it does not see 50% of the sphere (fisheye)" in pipeline.counters.last_error
+    assert [entry["blind_fraction"] for entry in logs if entry["event"] == "much is not seen"] == [pytest.approx(0.5)]
+
+
+def test_gradients_that_no_message_can_hold_are_refused() -> None:
+    (one,) = frames("frames=1")
+    reduced = reduce_frame(one, settings())
+    assert reduced.slope is not None
+    for value in (np.nan, np.inf, 1e31):
+        bad = dataclasses.replace(reduced.slope, gradients=np.full((25, 3, 3), value))
+        with pytest.raises(FrameError, match="damaged"):
+            Finisher("s", "x").finish(dataclasses.replace(reduced, slope=bad))
+
+
 @pytest.mark.parametrize("kind", ["tau", "alpha", "one-euro", "kalman"])
 def test_the_light_of_a_moving_probe_does_not_lag(kind: str) -> None:
-    """Half a metre a second through a standing room, towards its bright ceiling: what lags is what is not predicted."""
+    """Half a metre a second through a standing room, towards its bright ceiling: what lags is what is not predicted.
+
+    The camera turns on its way: gradients are in its axes, the way is in the world's.
+    """
     options: dict[str, dict[str, float]] = {
         "tau": {"tau_seconds": 0.3},
         "alpha": {"alpha": 9.0},
@@ -277,7 +303,7 @@ def test_the_light_of_a_moving_probe_does_not_lag(kind: str) -> None:
         "kalman": {"process_noise": 1e-3, "measurement_noise": 0.02},
     }
     smooth = {"kind": kind, **options[kind]}
-    moving = frames("frames=24&fps=12&at=0.2,0.1,-0.4&to=0.4,-0.1,1.0&travel=2&width=96")
+    moving = frames("frames=24&fps=12&at=0.2,0.1,-0.4&to=0.4,-0.1,1.0&travel=2&width=96&spin=0.25")
     lag = {}
     for proxy in ("box", "none"):
         finisher = Finisher("s", "x")

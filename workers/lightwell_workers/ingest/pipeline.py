@@ -29,6 +29,7 @@ from lightwell_workers.ingest.log import stage_logger
 from lightwell_workers.ingest.sources.base import Source
 from lightwell_workers.ingest.stages.backdrop import BackdropStage
 from lightwell_workers.ingest.stages.finish import Finisher
+from lightwell_workers.ingest.stages.gradients import MOST_BLIND
 from lightwell_workers.ingest.stages.map import SizeGate, in_closed_form
 from lightwell_workers.ingest.stages.reduce import Reduced, reduce_frame
 
@@ -85,6 +86,7 @@ class Pipeline:
         self._backdrop = BackdropStage(stream, session, sink.show)
         self._bad_frames = BadFrames()
         self._has_slope = True
+        self._told_blind = 0.0
         self._skipping = threading.Lock()
         self._free_reducers = threading.Semaphore(REDUCERS)
         self._in_order: queue.SimpleQueue[Future[Reduced] | None] = queue.SimpleQueue()
@@ -176,6 +178,14 @@ class Pipeline:
             if self._has_slope:  # the reason names the place, which changes with every frame
                 stage_logger("gradients").warning("no gradients", frame=reduced.frame.name, reason=reduced.no_slope)
         self._has_slope = not reduced.no_slope
+        blind = reduced.geometry.blind_fraction
+        if reduced.slope is not None and blind > MOST_BLIND and blind != self._told_blind:
+            self._told_blind = blind
+            counters.last_error = (
+                f"gradients are those of the light that the probe sees: it does not see {blind:.0%} of the sphere "
+                f"({reduced.settings.mapping.kind}); a mirror sphere sees all round"
+            )
+            stage_logger("gradients").warning("much is not seen", blind_fraction=blind)
 
     def _skip(self, error: FrameError) -> None:
         with self._skipping:  # both the capture and the finish thread skip

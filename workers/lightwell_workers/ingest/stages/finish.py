@@ -14,6 +14,7 @@ from lightwell.settings import WindowSettings
 from lightwell.sh.dominant import split_dominant
 from lightwell.sh.temporal import Place, TemporalFilter, make_filter
 from lightwell.sh.window import WindowStage
+from lightwell_workers.ingest.stages.gradients import MOST_BLIND
 from lightwell_workers.ingest.stages.reduce import Reduced
 
 LARGEST_COEFFICIENT = 1e30
@@ -65,7 +66,7 @@ class Finisher:
             ),
             position=None if place.position_m is None else _vector(place.position_m),
             gradients=None if temporal.gradients is None else wire.pack_coefficients(temporal.gradients),
-            trust_radius_m=place.reach_m if temporal.gradients is not None and math.isfinite(place.reach_m) else None,
+            trust_radius_m=_trust_radius(reduced) if temporal.gradients is not None else None,
             dominant=_dominant(filtered),
             quality=wire.Quality(
                 nan=reduced.counts.nan,
@@ -105,10 +106,17 @@ def _place(reduced: Reduced, weights: NDArray[np.float64]) -> Place:
     return Place(windowed, position, slope.trust_radius_m)
 
 
+def _trust_radius(reduced: Reduced) -> float | None:
+    """Return how far gradients hold; None where the light is far, or too much of it is not seen to say that."""
+    if reduced.slope is None or reduced.geometry.blind_fraction > MOST_BLIND:
+        return None
+    return reduced.slope.trust_radius_m if math.isfinite(reduced.slope.trust_radius_m) else None
+
+
 def _require_sendable(reduced: Reduced) -> None:
     largest = float(np.abs(reduced.coefficients).max())
-    if reduced.slope is not None:
-        largest = max(largest, float(np.abs(reduced.slope.gradients).max()))
+    if reduced.slope is not None:  # np.maximum, unlike max, keeps NaN
+        largest = float(np.maximum(largest, np.abs(reduced.slope.gradients).max()))
     if not largest <= LARGEST_COEFFICIENT:  # NaN is not either
         reason = f"gives a coefficient of {largest:.3g}, above {LARGEST_COEFFICIENT:g}: are its samples damaged?"
         raise FrameError(reduced.frame.name, reason)
