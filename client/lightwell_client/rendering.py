@@ -5,6 +5,7 @@ The rest of this package is small; this module imports the core's renderer (Embr
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 import warnings
 from collections.abc import Callable, Mapping
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lightwell.conventions import Convention
 from lightwell.errors import LightwellError
+from lightwell_client.errors import ProblemError
 from lightwell_client.follow import DEFAULT_SERVER
 from lightwell_client.rest import Lightwell
 
@@ -170,6 +172,9 @@ class ServerSources:
     def position(self, name: str) -> tuple[float, float, float] | None:
         """Return where a stream's probe stands, metres; None: nobody has said."""
         with self._connect() as client:
+            with contextlib.suppress(ProblemError):  # no frame yet
+                if (known := client.latest(name).position) is not None:
+                    return known
             found = client.stream(name).settings.get("position_m")
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
 

@@ -31,6 +31,8 @@ MOST_PRUNED = 96
 """Samples of which each is tried whether it can be left out."""
 NEIGHBOURS = 30
 """Probes that a probe's gradient is fitted to."""
+ONE_PLACE = 1e-4
+"""Probes nearer to each other than this share of the extent of all share a place."""
 FINEST_LATTICE = 12
 """Nodes along the longest axis after which a regular lattice gives up."""
 
@@ -119,15 +121,17 @@ def field_of_probes(positions: Floats, coefficients: Floats) -> Field:
     """Return the light at scattered probes ``(n, 3)``, ``(n, bands², 3)``, with gradients by regression.
 
     The gradient of a probe is that of the polynomial through it which fits its nearest neighbours best, quadratic where
-    there are enough, and is projected onto what light in empty space obeys.
+    there are enough, and is projected onto what light in empty space obeys. Probes that share a place are one, with
+    their mean light: a camera that stood still for a while.
 
     Raises
     ------
     ValueError
-        Where there are fewer than five probes or all are dark.
+        Where there are fewer than five places or all are dark.
     """
+    positions, coefficients = _merged(positions, coefficients)
     if len(positions) < 5:
-        raise ValueError(f"{len(positions)} probes say nothing of gradients; five are the least")
+        raise ValueError(f"{len(positions)} places of probes say nothing of gradients; five are the least")
     quadratic = len(positions) > NEIGHBOURS
     count = min(NEIGHBOURS, len(positions) - 1)
     first, second = np.triu_indices(3)
@@ -147,6 +151,24 @@ def field_of_probes(positions: Floats, coefficients: Floats) -> Field:
     if field.scale == 0:
         raise ValueError("all probes are dark: there is nothing to place samples for")
     return field
+
+
+def _merged(positions: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
+    """Return the means of probes that share a place."""
+    near = ONE_PLACE * float(np.ptp(positions, axis=0).max()) if len(positions) else 0.0
+    left = np.ones(len(positions), np.bool_)
+    groups = []
+    for index, position in enumerate(positions):
+        if left[index]:
+            group = left & (np.linalg.norm(positions - position, axis=1) <= near)
+            left &= ~group
+            groups.append(group)
+    if len(groups) == len(positions):
+        return positions, coefficients
+    return (
+        np.array([positions[group].mean(axis=0) for group in groups]),
+        np.array([coefficients[group].mean(axis=0) for group in groups]),
+    )
 
 
 def place_samples(

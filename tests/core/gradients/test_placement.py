@@ -101,6 +101,15 @@ def test_gradients_of_scattered_probes() -> None:
     exact = np.array([finite_difference(lambda p: scene.coefficients(p, 3), positions[index]) for index in inner])
     assert np.linalg.norm(field.gradients[inner] - exact) < 0.05 * np.linalg.norm(exact)
     assert len(place_samples(field, 0.1).indices) < len(place_samples(field, 0.1, gradients=False).indices)
+    # A camera that stood still for a while: forty probes at one place, one of them with somebody in the picture.
+    light = scene.coefficients(positions, 3)
+    stood = [*range(50, 300), *[7] * 40]
+    twice = light[stood]
+    twice[-1] *= 3
+    merged = field_of_probes(positions[stood] + 1e-7, twice)
+    assert merged.positions.shape == (251, 3)
+    np.testing.assert_allclose(merged.coefficients[-1], 42 / 40 * light[7])
+    assert place_samples(merged, 0.1).error <= 0.1
     few = field_of_probes(positions[:6], 1 + positions[:6, :1, None] * np.ones((1, 4, 3)))
     assert few.gradients.shape == (6, 4, 3, 3)
     with pytest.raises(ValueError, match="five are the least"):
