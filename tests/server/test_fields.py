@@ -6,11 +6,13 @@ import asyncio
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import httpx
 import numpy as np
 import pytest
+from starlette.websockets import WebSocket, WebSocketDisconnect
 from tests.support.publisher import Publisher
 from tests.support.server import problem, running_server, wait_until
 from websockets.sync.client import ClientConnection, connect
@@ -32,6 +34,7 @@ from lightwell.wire import (
     pack_coefficients,
 )
 from lightwell_client import AsyncField, Field, LightTimeoutError, Lightwell, ProblemError, RefusedError
+from lightwell_server.routes.field_live import View, _send
 
 LEFT, RIGHT = (-0.5, 0.0, 1.0), (0.5, 0.0, 1.0)
 GENERATOR = np.random.default_rng(3)
@@ -224,6 +227,19 @@ def test_a_message_is_refused(server: str, stage: Stage) -> None:
         assert "takes no messages" in receive_of(socket, Refused).reason
         with pytest.raises(Exception, match=str(CLOSE_POLICY)):
             socket.recv(10)
+
+
+async def test_who_takes_nothing_is_cut_off_whatever_is_being_sent() -> None:
+    """A status as well as a frame: no subscription of the hub watches over those."""
+
+    class Stuck:
+        async def send_bytes(self, data: bytes) -> None:
+            del data
+            await asyncio.Event().wait()
+
+    view = SimpleNamespace(ready=asyncio.Event(), take=lambda: b"status", sending=None, patience_seconds=0.02)
+    with pytest.raises(WebSocketDisconnect):
+        await asyncio.wait_for(_send(cast(WebSocket, Stuck()), cast(View, view)), 20)
 
 
 def test_the_client_samples_what_comes(api: httpx.Client, server: str, stage: Stage) -> None:

@@ -280,6 +280,16 @@ def test_a_probe_that_sees_half_says_so() -> None:
     assert [entry["blind_fraction"] for entry in logs if entry["event"] == "much is not seen"] == [pytest.approx(0.5)]
 
 
+@pytest.mark.parametrize(("degrees", "most"), [(350, 0.04), (320, 0.2), (180, 1.05)])
+def test_gradients_are_wrong_by_what_is_not_seen(degrees: int, most: float) -> None:
+    """A fisheye that looks away from the lamps (docs/gradients.md)."""
+    fisheye = MappingSettings(kind="fisheye", fov_degrees=degrees)
+    (one,) = frames("frames=1&width=256", fisheye)
+    slope = reduce_frame(one, settings(mapping=fisheye)).slope
+    assert slope is not None
+    assert most / 2.5 < error(slope.gradients) < most
+
+
 def test_gradients_that_no_message_can_hold_are_refused() -> None:
     (one,) = frames("frames=1")
     reduced = reduce_frame(one, settings())

@@ -34,7 +34,7 @@ from lightwell_workers.ingest.stages.map import Geometry, in_closed_form
 WIDEST = 512
 """Wider pictures, of streams that project whole frames, are made smaller for their gradients."""
 PANORAMA_WIDTH = 256
-MOST_BLIND = 0.1
+MOST_BLIND = 0.02
 """Share of the sphere that a probe may not see before how far its gradients hold is not known: they are those of the
 light that it sees."""
 
