@@ -44,8 +44,9 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], fps: float) ->
 
 
 def _write(path: Path, pictures: Iterable[NDArray[np.uint8]], rate: Fraction) -> None:
-    # One thread: what several make depends on how many there are.
-    options = {"crf": QUALITY, "preset": "medium", "threads": "1"}
+    # One thread: what several make depends on how many there are. x264's mb-tree reads memory that it has not written
+    # (core 165, as MALLOC_PERTURB_ shows), and its bytes then differ from process to process.
+    options = {"crf": QUALITY, "preset": "medium", "threads": "1", "x264-params": "mbtree=0"}
     container = {"movflags": "+faststart", "fflags": "+bitexact"}
     with av.open(str(path), "w", format="mp4", options=container) as film:
         stream: VideoStream | None = None
