@@ -21,6 +21,9 @@ WindowKind = Literal["none", "hann", "lanczos", "nonneg", "auto"]
 FilterKind = Literal["none", "alpha", "tau", "one-euro", "kalman"]
 ProjectionWeights = Literal["solid-angle", "paper", "fejer"]
 Vector3 = tuple[float, float, float]
+FARTHEST_M = 1e7
+"""World coordinates of probes are within so many metres: what is farther is a mistake, of the unit for instance."""
+Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 
 STREAM_NAME_PATTERN = r"^[a-z0-9][a-z0-9_-]{0,62}$"
 MAX_FIELD_STREAMS = 32
@@ -163,7 +166,7 @@ class StreamSettings(Settings):
     )
     gain: float = Field(1.0, gt=0, description="factor from sample to radiance")
     units: Units = Field("relative", description="unit of radiance after the gain")
-    position_m: Vector3 | None = Field(
+    position_m: tuple[Coordinate, Coordinate, Coordinate] | None = Field(
         None, description="where the probe stands, world metres; sources that know each frame's position say it instead"
     )
     negatives: Literal["keep", "clamp"] = Field(

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from lightwell.conventions import coefficient_count
+from lightwell.settings import FARTHEST_M
 from lightwell.wire import Backdrop, DominantLight, Frame, StreamStatus
 
 FLOAT_BYTES = 4
@@ -58,8 +59,8 @@ def _check_frame(frame: Frame) -> None:
         _check_floats("truth", frame.truth, coefficient_count(frame.bands) * 3)
     if frame.gradients is not None:
         _check_floats("gradients", frame.gradients, coefficient_count(frame.bands) * 9)
-    if frame.position is not None and not all(map(math.isfinite, frame.position)):
-        raise ValueError("position must be finite, not NaN or infinite")
+    if frame.position is not None and not all(abs(value) <= FARTHEST_M for value in frame.position):
+        raise ValueError(f"position must be finite and within {FARTHEST_M:g} m of the world's origin")
     if frame.trust_radius_m is not None and not 0 <= frame.trust_radius_m < math.inf:
         raise ValueError(f"trust_radius_m = {frame.trust_radius_m} must be at least 0 and finite; leave it out instead")
     if len(frame.window.weights) != frame.bands or not all(map(math.isfinite, frame.window.weights)):

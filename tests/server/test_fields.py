@@ -132,7 +132,8 @@ def test_a_field_is_described_sampled_changed_and_deleted(api: httpx.Client, sta
         np.testing.assert_allclose(point["coefficients"], convert(light[:4], "unity"), rtol=1e-5, atol=1e-7)
     shepard = api.get(f"/fields/{stage.field}/sample?{at}&method=shepard").json()
     assert not np.allclose([p["coefficients"] for p in shepard["points"]], exact)
-    problem(api.get(f"/fields/{stage.field}/sample?at=1,2"), 422, "invalid-input")
+    for nowhere in ("1,2", "1e160,0,0", "nan,0,0"):
+        problem(api.get(f"/fields/{stage.field}/sample?at={nowhere}"), 422, "invalid-input")
 
     one = api.patch(
         f"/fields/{stage.field}", json={"streams": stage.names[:1]}, headers={"If-Match": described.headers["ETag"]}

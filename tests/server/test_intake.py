@@ -36,6 +36,7 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"gradients": b"\0" * 8}, "gradients must be 324 bytes"),
     ({"gradients": pack_coefficients(np.full((9, 9), np.nan))}, "gradients must be finite"),
     ({"position": (0.0, float("inf"), 0.0)}, "position must be finite"),
+    ({"position": (0.0, 1e160, 0.0)}, "within 1e\\+07 m"),
     ({"trust_radius_m": float("inf")}, "trust_radius_m = inf must be at least 0 and finite; leave it out instead"),
     ({"trust_radius_m": -1.0}, "trust_radius_m = -1.0 must be at least 0"),
     ({"window": WindowUsed(kind="hann", weights=[1.0])}, "window.weights must be 3 finite numbers"),

@@ -30,6 +30,9 @@ SAME = 1e-6
 """Samples nearer to each other than this share of the set's extent (or than a micrometre) are one place."""
 THIN = 1e-3
 """Samples that leave a line or plane by less than this share of the set's extent lie on it."""
+FARTHEST_M = 1e9
+"""Places are within so many metres of the origin along each axis: their squares are to be finite, and their differences
+exact."""
 BLOCK = 1 << 20
 """Products of points and simplices that are worked on at a time."""
 
@@ -52,7 +55,8 @@ class SampleSet:
     Raises
     ------
     ValueError
-        Where there is no sample, arrays do not fit each other, something is not finite or two samples share a place.
+        Where there is no sample, arrays do not fit each other, something is not finite, a sample is farther than
+        `FARTHEST_M` or two share a place.
     """
 
     def __init__(
@@ -61,7 +65,7 @@ class SampleSet:
         coefficients: ArrayLike,
         gradients: ArrayLike | Sequence[ArrayLike | None] | None = None,
     ) -> None:
-        self.positions = _finite(positions, "positions")
+        self.positions = _places(positions, "positions")
         self.coefficients = _finite(coefficients, "coefficients")
         if self.positions.ndim != 2 or self.positions.shape[1] != 3 or len(self.positions) == 0:
             raise ValueError(f"positions have the shape {self.positions.shape}; (n, 3) with n ≥ 1 is needed")
@@ -101,9 +105,9 @@ class SampleSet:
         Raises
         ------
         ValueError
-            Where a point is not finite.
+            Where a point is not finite or farther than `FARTHEST_M`.
         """
-        places = _finite(points, "points")
+        places = _places(points, "points")
         flat = places.reshape(-1, 3)
         weights, steps = self.weights(flat, method, power)
         values = np.tensordot(weights, self.coefficients, axes=(1, 0))
@@ -249,4 +253,11 @@ def _finite(values: ArrayLike, name: str) -> Floats:
     array = np.asarray(values, dtype=np.float64)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite")
+    return array
+
+
+def _places(values: ArrayLike, name: str) -> Floats:
+    array = _finite(values, name)
+    if array.size and np.abs(array).max() > FARTHEST_M:
+        raise ValueError(f"{name} must be within {FARTHEST_M:g} m of the origin")
     return array

@@ -18,6 +18,7 @@ from lightwell.field.adaptive import AnyGrid
 from lightwell.io.adaptive import FORMAT as ADAPTIVE_FORMAT
 from lightwell.io.grids import GridError, open_grid
 from lightwell.io.preview import preview_png
+from lightwell.settings import FARTHEST_M
 from lightwell.sh.engines import convert
 from lightwell_server.artifacts import ArtifactNotFoundError, find_artifact
 from lightwell_server.problems import FieldError, Problem
@@ -223,8 +224,8 @@ def read_point(field: str, text: str) -> tuple[float, float, float]:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
         raise _bad(field, f"{text!r}: must be three numbers, x,y,z") from None
-    if not np.isfinite([x, y, z]).all():
-        raise _bad(field, f"{text!r}: must be finite")
+    if not all(abs(value) <= FARTHEST_M for value in (x, y, z)):  # NaN is not either
+        raise _bad(field, f"{text!r}: must be finite, and within {FARTHEST_M:g} m of the origin")
     return x, y, z
 
 

@@ -161,6 +161,7 @@ def test_shepard_is_the_sample_at_a_sample_and_between_two_the_mean() -> None:
         (([[0, 0, 0]], np.ones((2, 4, 3))), r"\(1, bands², 3\)"),
         (([[0, 0, 0]], np.ones((1, 4, 3)), np.ones((1, 4, 3))), r"\(1, 4, 3, 3\)"),
         (([[0, 0, np.nan]], np.ones((1, 4, 3))), "positions must be finite"),
+        (([[0, 0, 1e160]], np.ones((1, 4, 3))), "positions must be within 1e"),
         (([[0, 0, 0], [1, 0, 0], [1, 1e-9, 0]], np.ones((3, 4, 3))), "samples 1 and 2 share a place"),
     ],
 )
