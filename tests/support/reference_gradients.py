@@ -123,7 +123,12 @@ def _directions(theta: Floats, phi: Floats) -> Floats:
 
 
 def edge_sum(image: Floats, inverse: Floats, bands: int, seen: NDArray[np.bool_] | None = None) -> Floats:
-    """Return the jump form of MATHS §7.5, edge by edge, as it stands there: ``(bands², 3, 3)``."""
+    """Return the jump form of MATHS §7.5, edge by edge, with the mean of 1/r on a surface: ``(bands², 3, 3)``."""
+
+    def moving(one: Floats, other: Floats) -> Floats:
+        near, far = np.maximum(one, other), np.minimum(one, other)
+        return np.where(near > 1.1 * far, near, (near + far) / 2)
+
     height, width, _ = image.shape
     mask = np.ones((height, width)) if seen is None else seen.astype(float)
     out = np.zeros((bands * bands, 3, 3))
@@ -131,14 +136,14 @@ def edge_sum(image: Floats, inverse: Floats, bands: int, seen: NDArray[np.bool_]
     edge = phi + np.pi / width
     theta = np.pi * (np.arange(height) + 0.5)[:, None] / height
     right = np.roll(image, -1, axis=1) - image
-    weight = np.maximum(inverse, np.roll(inverse, -1, axis=1)) * mask * np.roll(mask, -1, axis=1) * np.pi / height
+    weight = moving(inverse, np.roll(inverse, -1, axis=1)) * mask * np.roll(mask, -1, axis=1) * np.pi / height
     tangent = np.broadcast_to(np.stack([-np.sin(edge), np.cos(edge), 0 * edge], axis=-1), image.shape)
     basis = evaluate(_directions(theta, edge), bands)
     out += np.einsum("ijn,ijc,ij,ijk->nck", basis, right, weight, tangent, optimize=True)
     between = np.pi * np.arange(1, height)[:, None] / height
     down = image[1:] - image[:-1]
     length = np.sin(between) * 2 * np.pi / width
-    weight = np.maximum(inverse[1:], inverse[:-1]) * mask[1:] * mask[:-1] * length
+    weight = moving(inverse[1:], inverse[:-1]) * mask[1:] * mask[:-1] * length
     tangent = np.stack(
         [np.cos(between) * np.cos(phi), np.cos(between) * np.sin(phi), -np.sin(between) + 0 * phi], axis=-1
     )

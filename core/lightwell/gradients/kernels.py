@@ -8,10 +8,20 @@ from numba import njit
 from lightwell.probe.fourier import PADDED_ORDERS, even_sums, fold_row, odd_sums
 from lightwell.probe.half import to_float32
 
+JUMP = 1.1
+"""Distances of neighbours that differ by more are those of an outline."""
+
+
+@njit(cache=True, nogil=True)
+def _moving(one, other):  # type: ignore[no-untyped-def]
+    """Return the 1/r with which an edge moves: of an outline what is near's, on a surface that of its middle."""
+    near, far = max(one, other), min(one, other)
+    return near if near > JUMP * far else 0.5 * (near + far)
+
 
 @njit(cache=True, nogil=True)
 def edge_weights(inverse, seen, theta_step, sines, phi_step, across, down):  # type: ignore[no-untyped-def]
-    """Write the larger 1/r of two neighbours times their edge's length to ``across`` (H, W) and ``down`` (H−1, W).
+    """Write the 1/r of two neighbours' edge times its length to ``across`` (H, W) and ``down`` (H−1, W).
 
     Edges of pixels that are not seen weigh nothing. ``sines`` (H−1,): sinθ of the edges between rows.
     """
@@ -20,10 +30,10 @@ def edge_weights(inverse, seen, theta_step, sines, phi_step, across, down):  # t
         for j in range(width):
             right = j + 1 if j + 1 < width else 0
             both = seen[i, j] and seen[i, right]
-            across[i, j] = max(inverse[i, j], inverse[i, right]) * theta_step if both else 0.0
+            across[i, j] = _moving(inverse[i, j], inverse[i, right]) * theta_step if both else 0.0
             if i + 1 < height:
                 both = seen[i, j] and seen[i + 1, j]
-                down[i, j] = max(inverse[i, j], inverse[i + 1, j]) * sines[i] * phi_step if both else 0.0
+                down[i, j] = _moving(inverse[i, j], inverse[i + 1, j]) * sines[i] * phi_step if both else 0.0
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
