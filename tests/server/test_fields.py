@@ -312,6 +312,17 @@ def test_the_rest_client_manages_fields(server: str, stage: Stage) -> None:
             client.delete_field("again")
 
 
+def test_sockets_of_a_field_without_light_count_too(tmp_path: Path) -> None:
+    fields = {"stage": {"streams": ["nobody"]}}
+    with running_server(tmp_path, hub={"max_subscribers": 1}, fields=fields) as url:
+        with follow(url, "stage") as first, follow(url, "stage") as second:
+            assert isinstance(receive(first), FieldHello)
+            assert "has 1 subscribers: no more" in receive_of(second, Refused).reason
+        wait_until(lambda: httpx.get(f"{url}/api/v1/fields/stage").json()["subscribers"] == 0)
+        with follow(url, "stage") as third:
+            assert isinstance(receive(third), FieldHello)
+
+
 def test_fields_survive_a_restart_and_come_from_the_file(tmp_path: Path) -> None:
     streams = {"left": {"source": "exr:/none", "enabled": False, "position_m": LEFT}}
     fields = {"filed": {"streams": ["left", "right"]}}
