@@ -290,7 +290,7 @@ class Channel:
             self.counters.lost += max(frame.seq - self._seq - 1, 0)
         self._session, self._seq = frame.session, frame.seq
         self.counters.frames += 1
-        if frame.position is None:  # of a worker that does not say what stands in the settings
+        if frame.position is None and self.settings.position_m is not None:  # of a worker that does not look there
             frame = msgspec.structs.replace(frame, position=self.settings.position_m)
         self.latest, self.latest_at = frame, now
         self._place_then = self.settings.position_m
