@@ -7,6 +7,7 @@ import { describe, expect, it } from "vitest";
 import { PAGE_BANDS, withBands, type Vector3 } from "../sh.ts";
 import { unpackGradients } from "./extrapolate.ts";
 import { LocalField } from "./local.ts";
+import { NearLight, type Probe } from "./near.ts";
 import { SampleSet, type Sample } from "./samples.ts";
 
 interface Vectors {
@@ -77,6 +78,19 @@ describe("one sample", () => {
     const set = new SampleSet([{ position: [1, 1, 1], coefficients: Float64Array.of(1, 0, 2, 5, 5, 5), gradients }]);
     expectClose(set.at([10, 1, 1]), [0.3, 0, 0.6, 7.1, 5, 9.2], 1e-12);
     expectClose(set.at([1, 1.1, 1]), [0.9, 0, 1.9, 5.3, 5, 5.3], 1e-12);
+  });
+});
+
+describe("probes of different bands", () => {
+  it("light with those that all have, as Python's do", () => {
+    const probe = (bands: number, x: number) => ({
+      name: String(x),
+      position: [x, 0, 0] as Vector3,
+      light: { coefficients: new Float32Array(3 * bands * bands).fill(2), gradients: new Float32Array(9 * bands * bands) },
+    });
+    const probes = [probe(2, 0), probe(4, 1)] as unknown as Probe[];
+    const { illumination } = new NearLight().illuminate(probes, { middle: [0.5, 0, 0], radius: 0.1 }, true, null);
+    expect([...illumination.distant!]).toEqual([...Array(12).fill(2), ...Array(3 * PAGE_BANDS ** 2 - 12).fill(0)]);
   });
 });
 
