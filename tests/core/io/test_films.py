@@ -6,6 +6,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -32,7 +33,7 @@ def test_a_film_shows_the_pictures(tmp_path: Path) -> None:
     write_film(tmp_path / "a.mp4", pictures, 30)
     with av.open(str(tmp_path / "a.mp4")) as film:
         stream = film.streams.video[0]
-        assert (stream.average_rate, stream.codec_context.name) == (30, "h264")
+        assert (stream.average_rate, stream.codec_context.name) == (Fraction(30), "h264")
         shown = [frame.reformat(format="rgb24", src_colorspace="ITU709").to_ndarray() for frame in film.decode(video=0)]
     assert [one.shape for one in shown] == [(100, 162, 3)] * len(pictures)
     for one, picture in zip(shown, pictures, strict=True):
