@@ -18,7 +18,7 @@ from lightwell.field.adaptive import AnyGrid
 from lightwell.io.adaptive import FORMAT as ADAPTIVE_FORMAT
 from lightwell.io.grids import GridError, open_grid
 from lightwell.io.preview import preview_png
-from lightwell.settings import FARTHEST_M
+from lightwell.settings import FARTHEST_M, Vector3
 from lightwell.sh.engines import convert
 from lightwell_server.artifacts import ArtifactNotFoundError, find_artifact
 from lightwell_server.problems import FieldError, Problem
@@ -193,9 +193,7 @@ async def preview_grid(
     request: Request, grid: str, normal: Annotated[str, Query(description="x,y,z of the lit surface")] = "0,0,1"
 ) -> Response:
     """Return a PNG: the irradiance on surfaces with this normal in the grid's three middle slices."""
-    direction = read_point("normal", normal)
-    if not any(direction):
-        raise _bad("normal", f"{normal!r}: must not be 0,0,0")
+    direction = _read_direction("normal", normal)
     opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
     return Response(await asyncio.to_thread(preview_png, opened, direction), media_type="image/png")
 
@@ -205,27 +203,40 @@ async def plot_grid_slices(
     request: Request, grid: str, normal: Annotated[str, Query(description="x,y,z of the lit surface")] = "0,0,1"
 ) -> Response:
     """Return a PNG with axes and scales: irradiance on surfaces with this normal, and coverage, in three slices."""
-    direction = read_point("normal", normal)
-    if not any(direction):
-        raise _bad("normal", f"{normal!r}: must not be 0,0,0")
+    direction = _read_direction("normal", normal)
     opened = await asyncio.to_thread(_open, services(request).jobs.root, grid)
     return Response(await asyncio.to_thread(_plot, opened, direction), media_type="image/png")
 
 
-def _plot(grid: AnyGrid, normal: tuple[float, float, float]) -> bytes:
+def _plot(grid: AnyGrid, normal: Vector3) -> bytes:
     from lightwell.io.plots import plot_grid  # matplotlib takes half a second to import
 
     return plot_grid(grid, normal)
 
 
-def read_point(field: str, text: str) -> tuple[float, float, float]:
-    """Return the numbers of ``x,y,z``; raises the 422 problem that names the field where they are none."""
+def read_point(field: str, text: str) -> Vector3:
+    """Return the place ``x,y,z``; raises the 422 problem that names the field where it is none."""
+    place = _read_numbers(field, text)
+    if max(map(abs, place)) > FARTHEST_M:
+        raise _bad(field, f"{text!r}: must lie within {FARTHEST_M:g} m of the origin")
+    return place
+
+
+def _read_direction(field: str, text: str) -> Vector3:
+    """Return the direction ``x,y,z``, of any length but none; raises as `read_point`."""
+    direction = _read_numbers(field, text)
+    if not any(direction):
+        raise _bad(field, f"{text!r}: must not be 0,0,0")
+    return direction
+
+
+def _read_numbers(field: str, text: str) -> Vector3:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
         raise _bad(field, f"{text!r}: must be three numbers, x,y,z") from None
-    if not all(abs(value) <= FARTHEST_M for value in (x, y, z)):  # NaN is not either
-        raise _bad(field, f"{text!r}: must be finite, and within {FARTHEST_M:g} m of the origin")
+    if not np.isfinite([x, y, z]).all():
+        raise _bad(field, f"{text!r}: must be finite")
     return x, y, z
 
 

@@ -29,7 +29,7 @@ def _settings(capture: Path, index: int) -> dict[str, Any]:
     """Jobs that differ, of some seconds and some checkpoints each."""
     return {
         "capture": str(capture),
-        "resolutions": 20 + index,
+        "resolutions": 16 + index,
         "memory_mb": 64,
         "gradients": "regression" if index == 1 else "central",
         "gradient_projection": index == 0,
@@ -49,7 +49,7 @@ def _bodies(queue: Queue, job: str) -> list[tuple[int, int]]:
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_capture(tmp_path_factory.mktemp("captures") / "rig", probes=1400, size=64)
+    return make_capture(tmp_path_factory.mktemp("captures") / "rig", probes=1200, size=64)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def _kill_until_done(
         if all(state == "succeeded" for state in states):
             return killed
         assert "failed" not in states, [queue.get(job).error for job in jobs]
-        time.sleep(chance.uniform(0.3, 2.5))
+        time.sleep(chance.uniform(0.3, 1.7))
         if sum(killed.values()) >= kills:
             continue
         name = chance.choice(list(victims))
