@@ -19,8 +19,7 @@ from lightwell.igi.shade import Responses, responses
 from lightwell.igi.surfaces import Singles, Surfaces
 from lightwell.igi.virtual import make_virtual_lights
 from lightwell.igi_settings import IgiSettings
-from lightwell.render.camera import Camera
-from lightwell.scene_settings import MAX_PIXELS, MAX_SIDE
+from lightwell.render.camera import Camera, require_size
 
 TILE = 128
 """Pixels along each side of a tile, unless it is said."""
@@ -227,11 +226,7 @@ def render_igi(
     RenderError
         Where the camera stands inside an object.
     """
-    width, height = size
-    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
-        raise ValueError(f"the size {width}×{height} must lie between 1×1 and {MAX_SIDE}×{MAX_SIDE}")
-    if width * height > MAX_PIXELS:
-        raise ValueError(f"the size {width}×{height} must have at most {MAX_PIXELS} pixels")
+    require_size(size)
     if tile < 1:
         raise ValueError(f"tile = {tile} must be at least 1")
     renderer = IgiRenderer(scene, settings)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lightwell.conventions import world_from_camera
+from lightwell.scene_settings import MAX_PIXELS, MAX_SIDE
 
 Floats = NDArray[np.float64]
 
@@ -89,3 +90,12 @@ class Camera:
         length = np.sqrt(right * right + up * up + 1)
         axes = self.world_from_camera
         return np.stack([(axes[k, 0] * right + axes[k, 1] * up - axes[k, 2]) / length for k in range(3)], axis=-1)
+
+
+def require_size(size: tuple[int, int]) -> None:
+    """Raise `ValueError` where no picture has that width and height in pixels."""
+    width, height = size
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise ValueError(f"the size {width}×{height} must lie between 1×1 and {MAX_SIDE}×{MAX_SIDE}")
+    if width * height > MAX_PIXELS:
+        raise ValueError(f"the size {width}×{height} must have at most {MAX_PIXELS} pixels")

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from lightwell.errors import RenderError
 from lightwell.geometry.mesh import front_normals
 from lightwell.geometry.rays import Hits, RayScene
-from lightwell.render.camera import Camera
+from lightwell.render.camera import Camera, require_size
 from lightwell.render.scene import Scene, SceneObject
 from lightwell.render.shading import Received, Surface, receive, shade
-from lightwell.scene_settings import MAX_PIXELS, MAX_SAMPLES, MAX_SIDE
+from lightwell.scene_settings import MAX_SAMPLES
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -71,11 +71,8 @@ def render(
     RenderError
         Where the camera stands inside an object.
     """
+    require_size(size)
     width, height = size
-    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
-        raise ValueError(f"the size {width}×{height} must lie between 1×1 and {MAX_SIDE}×{MAX_SIDE}")
-    if width * height > MAX_PIXELS:
-        raise ValueError(f"the size {width}×{height} must have at most {MAX_PIXELS} pixels")
     if not 1 <= samples <= MAX_SAMPLES:
         raise ValueError(f"samples = {samples} must lie between 1 and {MAX_SAMPLES}")
     tracer = _Tracer(scene, camera)
