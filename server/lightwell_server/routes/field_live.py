@@ -20,7 +20,7 @@ from lightwell_server.fields import Member
 from lightwell_server.hub import Ending, Subscription
 from lightwell_server.problems import Problem
 from lightwell_server.routes.live import CLOSE_CODES, MOST_FPS, read_query
-from lightwell_server.routes.refusal import RefusedError, admit, refusal, refuse
+from lightwell_server.routes.refusal import RefusedError, admit, converse, refusal, refuse
 from lightwell_server.services import Services, services
 from lightwell_server.variants import Variant
 
@@ -160,21 +160,7 @@ async def field_live(websocket: WebSocket, name: str) -> None:
 
 async def _serve(websocket: WebSocket, view: View, ended: asyncio.Future[Ending]) -> None:
     """Send until the follower leaves, says something, or is sent away."""
-    sending = asyncio.ensure_future(_send(websocket, view))
-    receiving = asyncio.ensure_future(_receive(websocket))
-    try:
-        await asyncio.wait((sending, receiving, ended), return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        sending.cancel()
-        receiving.cancel()
-        results = await asyncio.gather(sending, receiving, return_exceptions=True)
-    for result in results:
-        if isinstance(result, Problem):
-            result = refusal(result)
-        if isinstance(result, RefusedError):
-            await refuse(websocket, result.code, result.reason)
-        elif isinstance(result, Exception) and not isinstance(result, WebSocketDisconnect):
-            raise result
+    await converse(websocket, _send(websocket, view), _receive(websocket), ended)
     if ended.done() and (ending := ended.result()).cause != "stalled":  # who does not read would not read why
         await refuse(websocket, CLOSE_CODES[ending.cause], ending.reason)
 

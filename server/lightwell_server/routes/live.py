@@ -18,7 +18,7 @@ from lightwell.wire import CLOSE_NOT_FOUND, CLOSE_POLICY, decode_subscribe
 from lightwell_server.auth import Scope
 from lightwell_server.hub import Cause, Ending, Subscription, Wishes
 from lightwell_server.problems import Problem
-from lightwell_server.routes.refusal import RefusedError, admit, refusal, refuse
+from lightwell_server.routes.refusal import RefusedError, admit, converse, refusal, refuse
 from lightwell_server.services import services
 from lightwell_server.variants import Variant
 
@@ -106,19 +106,7 @@ async def _serve(
     websocket: WebSocket, subscription: Subscription, ready: asyncio.Event, ended: asyncio.Future[Ending]
 ) -> None:
     """Send and receive until the subscriber leaves, makes a mistake or is sent away."""
-    sending = asyncio.ensure_future(_send(websocket, subscription, ready))
-    receiving = asyncio.ensure_future(_receive(websocket, subscription))
-    try:
-        await asyncio.wait((sending, receiving, ended), return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        sending.cancel()
-        receiving.cancel()
-        results = await asyncio.gather(sending, receiving, return_exceptions=True)
-    for result in results:
-        if isinstance(result, RefusedError):
-            await refuse(websocket, result.code, result.reason)
-        elif isinstance(result, Exception) and not isinstance(result, WebSocketDisconnect):
-            raise result
+    await converse(websocket, _send(websocket, subscription, ready), _receive(websocket, subscription), ended)
     if ended.done():
         ending = ended.result()
         if ending.cause in ("stalled", "queue-full"):

@@ -6,7 +6,10 @@ message and, shortened, as the reason of the close frame.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+from collections.abc import Coroutine
+from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
@@ -20,6 +23,7 @@ from lightwell.wire import (
     encode,
 )
 from lightwell_server.auth import Scope
+from lightwell_server.hub import Ending
 from lightwell_server.problems import Problem
 from lightwell_server.services import services
 
@@ -58,6 +62,31 @@ async def admit(websocket: WebSocket, scope: Scope) -> None:
 def refusal(problem: Problem) -> RefusedError:
     """Return the refusal that says what a problem document would say."""
     return RefusedError(_CODES.get(problem.status, CLOSE_POLICY), problem.detail)
+
+
+async def converse(
+    websocket: WebSocket,
+    send: Coroutine[Any, Any, None],
+    receive: Coroutine[Any, Any, None],
+    ended: asyncio.Future[Ending],
+) -> None:
+    """Send and receive at once until one of the two stops or the hub ends it; refuse what the peer got wrong.
+
+    A peer that has gone is no error; whatever else either raises, this raises.
+    """
+    sending, receiving = asyncio.ensure_future(send), asyncio.ensure_future(receive)
+    try:
+        await asyncio.wait((sending, receiving, ended), return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        sending.cancel()
+        receiving.cancel()
+        results = await asyncio.gather(sending, receiving, return_exceptions=True)
+    for result in results:
+        fault = refusal(result) if isinstance(result, Problem) else result
+        if isinstance(fault, RefusedError):
+            await refuse(websocket, fault.code, fault.reason)
+        elif isinstance(fault, Exception) and not isinstance(fault, WebSocketDisconnect):
+            raise fault
 
 
 async def refuse(websocket: WebSocket, code: int, reason: str) -> None:
