@@ -30,6 +30,27 @@ def import_mitsuba() -> Any:
     return mitsuba
 
 
+def sensor(mi: Any, camera: Camera, size: tuple[int, int], samples: int) -> dict[str, Any]:
+    """Mitsuba's form of a camera whose pixels are means over their area, of ``size`` (width, height)."""
+    return {
+        "type": "perspective",
+        "fov": camera.fov_degrees,
+        "fov_axis": "y",
+        "to_world": mi.ScalarTransform4f().look_at(
+            origin=list(camera.position), target=list(camera.target), up=list(camera.up)
+        ),
+        "film": {
+            "type": "hdrfilm",
+            "width": size[0],
+            "height": size[1],
+            "rfilter": {"type": "box"},
+            "pixel_format": "rgb",
+            "component_format": "float32",
+        },
+        "sampler": {"type": "multijitter", "sample_count": samples},
+    }
+
+
 def path_traced(
     objects: Sequence[SceneObject],
     panorama: NDArray[np.floating],
@@ -54,23 +75,7 @@ def path_traced(
             "bitmap": mi.Bitmap(np.ascontiguousarray(pixels[:, ::-1])),
             "to_world": transform(WORLD_FROM_ENVMAP),
         },
-        "camera": {
-            "type": "perspective",
-            "fov": camera.fov_degrees,
-            "fov_axis": "y",
-            "to_world": transform().look_at(
-                origin=list(camera.position), target=list(camera.target), up=list(camera.up)
-            ),
-            "film": {
-                "type": "hdrfilm",
-                "width": size[0],
-                "height": size[1],
-                "rfilter": {"type": "box"},
-                "pixel_format": "rgb",
-                "component_format": "float32",
-            },
-            "sampler": {"type": "multijitter", "sample_count": samples},
-        },
+        "camera": sensor(mi, camera, size, samples),
     }
     for number, item in enumerate(objects):
         mesh = item.mesh

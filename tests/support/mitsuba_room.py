@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from tests.support.mitsuba_pictures import import_mitsuba
+from tests.support.mitsuba_pictures import import_mitsuba, sensor
 
 from lightwell.igi import IgiScene
 from lightwell.render import Camera
@@ -22,23 +22,7 @@ def room_path_traced(
     made: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": depth, "rr_depth": 8},
-        "camera": {
-            "type": "perspective",
-            "fov": camera.fov_degrees,
-            "fov_axis": "y",
-            "to_world": mi.ScalarTransform4f().look_at(
-                origin=list(camera.position), target=list(camera.target), up=list(camera.up)
-            ),
-            "film": {
-                "type": "hdrfilm",
-                "width": size[0],
-                "height": size[1],
-                "rfilter": {"type": "box"},
-                "pixel_format": "rgb",
-                "component_format": "float32",
-            },
-            "sampler": {"type": "multijitter", "sample_count": samples},
-        },
+        "camera": sensor(mi, camera, size, samples),
     }
     for number, item in enumerate(scene.objects):
         mesh, material = item.mesh, item.material
