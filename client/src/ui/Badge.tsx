@@ -30,19 +30,24 @@ function describeGrid(now: Snapshot | null): Look {
   return grid.info === null ? { tone: "quiet", text: "No grid" } : { tone: "good", text: "Grid" };
 }
 
+/** What is said while no light comes, of a stream as of a field. */
+const CONNECTION: Record<"connecting" | "waiting" | "retrying" | "refused", Look> = {
+  connecting: { tone: "busy", text: "Connecting" },
+  waiting: { tone: "busy", text: "Waiting for light" },
+  retrying: { tone: "bad", text: "Reconnecting" },
+  refused: { tone: "bad", text: "Refused" },
+};
+
 function describeField(now: Snapshot | null, isPaused: boolean): Look {
   switch (now?.field.state) {
     case undefined:
     case "idle":
       return { tone: "quiet", text: "No field" };
     case "connecting":
-      return { tone: "busy", text: "Connecting" };
     case "waiting":
-      return { tone: "busy", text: "Waiting for light" };
     case "retrying":
-      return { tone: "bad", text: "Reconnecting" };
     case "refused":
-      return { tone: "bad", text: "Refused" };
+      return CONNECTION[now.field.state];
     case "stalled":
       return { tone: "busy", text: "Stalled" };
     case "live":
@@ -57,13 +62,10 @@ function describeStream(now: Snapshot | null, isPaused: boolean): Look {
     case "idle":
       return { tone: "quiet", text: "No stream" };
     case "connecting":
-      return { tone: "busy", text: "Connecting" };
     case "waiting":
-      return { tone: "busy", text: "Waiting for light" };
     case "retrying":
-      return { tone: "bad", text: "Reconnecting" };
     case "refused":
-      return { tone: "bad", text: "Refused" };
+      return CONNECTION[now.state];
     case "stalled":
       return { tone: "busy", text: WORDS[now.status?.state ?? "stalled"] };
     case "live":
