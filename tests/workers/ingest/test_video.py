@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from lightwell.errors import FrameError, SourceError
-from lightwell.settings import StreamSettings
-from lightwell_workers.ingest.colour import (
+from lightwell.io.video_colour import (
     chroma_taps,
     hlg_inverse_oetf,
     pq_eotf,
@@ -19,6 +18,7 @@ from lightwell_workers.ingest.colour import (
     signal_from_codes,
     transfer_table,
 )
+from lightwell.settings import StreamSettings
 from lightwell_workers.ingest.frame import Frame
 from lightwell_workers.ingest.sources import open_source
 from lightwell_workers.ingest.stages.reduce import reduce_frame

@@ -17,11 +17,11 @@ from lightwell.io.grids import open_grid
 from lightwell.io.igi_scenes import LoadedIgiScene, load_igi_scene
 from lightwell.io.meshes import MESH_SUFFIXES
 from lightwell.io.scenes import Probe, SceneLoader, read_scene_settings, scene_settings
+from lightwell.io.sequences import find_sequence
 from lightwell.job_settings import IgiCameraSettings, IgiLightSettings, IgiRenderSettings
 from lightwell.render.camera import Camera
 from lightwell.render.path import camera_path, orbit
 from lightwell.scene_settings import CameraSettings, SceneLightSettings, SceneSettings
-from lightwell_workers.ingest.sources.sequence import find_sequence
 from lightwell_workers.jobs.directory import JOB_ID, JobDirectory
 from lightwell_workers.jobs.kind import JobError
 

@@ -13,11 +13,11 @@ from lightwell.errors import FrameError, SourceError
 from lightwell.io.captures import DOCUMENT, open_capture
 from lightwell.io.exr import read_rgb
 from lightwell.io.poses import CaptureError, Poses, read_poses
+from lightwell.io.sequences import SequenceEntry, find_sequence
 from lightwell.settings import MappingSettings, Settings
 from lightwell.synthetic.rig import rotation_of
 from lightwell_workers.ingest.sources.clock import Clock
 from lightwell_workers.ingest.sources.playback import NANOSECONDS, READERS, Picture, Playback
-from lightwell_workers.ingest.sources.sequence import SequenceEntry, find_sequence
 from lightwell_workers.ingest.sources.url import SourceUrl, parse_options
 
 STILL = 1e-9

@@ -7,23 +7,17 @@ coefficients, primaries).
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from lightwell.video_settings import REFERENCE_WHITE, Matrix, Primaries, Range, Transfer
+
 Floats = NDArray[np.float64]
-Transfer = Literal["pq", "hlg", "linear"]
-Matrix = Literal["rgb", "bt601", "bt709", "bt2020"]
-Primaries = Literal["bt709", "bt2020"]
-Range = Literal["limited", "full"]
 
 PQ_PEAK = 10_000.0
 """Luminance at signal 1, cd/m²."""
-
-REFERENCE_WHITE = 203.0
-"""Luminance of reference white, cd/m² (ITU-R BT.2408)."""
 
 _LUMA = {"bt601": (0.299, 0.114), "bt709": (0.2126, 0.0722), "bt2020": (0.2627, 0.0593)}
 """K_R and K_B."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lightwell.errors import SourceError
-from lightwell_workers.ingest.sources.sequence import find_sequence
+from lightwell.io.sequences import find_sequence
 
 
 @pytest.fixture
