@@ -59,13 +59,14 @@ class RayScene:
         answers = self._scene.run(_rows(origins), _rows(directions), ends, query="OCCLUDED")
         return np.asarray(answers == 0)  # 0 a hit, −1 free
 
-    def intersect(self, origins: Float32s, directions: Float32s) -> Hits:
+    def intersect(self, origins: Float32s, directions: Float32s, distances: Float32s | None = None) -> Hits:
         """Return the nearest hit of each ray; arguments as in `occluded`."""
         count = len(origins)
         if not self._geometries or count == 0:
             missed = np.full(count, MISS, np.int32)
             return Hits(missed, missed.copy(), np.zeros((count, 2), np.float32), np.full(count, np.inf, np.float32))
-        answers = self._scene.run(_rows(origins), _rows(directions), query="INTERSECT", output=True)
+        ends = None if distances is None else np.ascontiguousarray(distances, dtype=np.float32)
+        answers = self._scene.run(_rows(origins), _rows(directions), ends, query="INTERSECT", output=True)
         missed = answers["primID"] < 0
         geometry = np.where(missed, len(self._geometries), answers["geomID"])
         return Hits(

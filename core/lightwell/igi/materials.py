@@ -47,11 +47,21 @@ class IgiMaterial:
     """Heights, first channel."""
     bump_metres: float = 0.0
     """Height of the value 1 of the bump texture."""
+    alpha: float = 1.0
+    """Share of the surface that is there, 0 … 1."""
+    alpha_texture: Texture | None = None
+    """One channel that alpha is multiplied with."""
+    transmission: float = 0.0
+    """Share of the light that goes straight through what is there and no metal, 0 … 1."""
+    transmission_texture: Texture | None = None
+    """Multiplies that with its first channel."""
+    hole_below: float = 0.0
+    """Where ``alpha (1 − transmission)`` is less there is a hole (`lightwell.igi.coverage`); 0: nowhere."""
     two_sided: bool = False
     """The back is seen too, and reflects; else rays from the camera pass it, and light that falls on it is lost."""
 
     def __post_init__(self) -> None:
-        for name in ("metallic", "roughness", "specular"):
+        for name in ("metallic", "roughness", "specular", "alpha", "transmission"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} = {getattr(self, name)} must lie between 0 and 1")
         if self.base is not None and not all(0 <= value <= 1 for value in self.base):
@@ -61,6 +71,7 @@ class IgiMaterial:
         if not (np.isfinite(self.bump_metres) and np.isfinite(self.normal_scale)):
             raise ValueError("bump_metres and normal_scale must be finite")
         wanted = {"base_texture": 3, "metallic_roughness_texture": 3, "emission_texture": 3, "normal_texture": 3}
+        wanted |= {"alpha_texture": 1}
         for name, channels in wanted.items():
             texture: Texture | None = getattr(self, name)
             if texture is not None and texture.pixels.shape[2] != channels:
@@ -82,6 +93,8 @@ class IgiMaterial:
             self.emission_texture,
             self.normal_texture,
             self.bump_texture,
+            self.alpha_texture,
+            self.transmission_texture,
         )
         return tuple(texture for texture in every if texture is not None)
 

@@ -26,6 +26,8 @@ class IgiObject:
     """Sets of texture coordinates, ``(V, 2)`` each."""
     tangents: Singles | None = None
     """``(V, 4)``: unit tangents, and ±1 for the side of the bitangent ``w n × t``; None: from texture coordinates."""
+    alpha: Singles | None = None
+    """``(V,)``, 0 … 1: the material's alpha is multiplied with it; None: 1."""
 
     def __post_init__(self) -> None:
         count, name = len(self.mesh.positions), self.mesh.name
@@ -37,6 +39,8 @@ class IgiObject:
                 )
         if self.tangents is not None and self.tangents.shape != (count, 4):
             raise ValueError(f"the tangents of object {name!r} have the shape {self.tangents.shape}, not ({count}, 4)")
+        if self.alpha is not None and self.alpha.shape != (count,):
+            raise ValueError(f"the alpha of object {name!r} has the shape {self.alpha.shape}, not ({count},)")
         for texture in self.material.textures:
             if texture.uv_set >= len(self.uv):
                 raise ValueError(f"object {name!r} has a texture but no texture coordinates {texture.uv_set}")

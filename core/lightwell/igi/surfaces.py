@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from lightwell.conventions import LUMINANCE
 from lightwell.geometry.mesh import Mesh, front_normals, make_mesh
 from lightwell.geometry.rays import RayScene
+from lightwell.igi.coverage import WHOLE, Coverage, by_material
+from lightwell.igi.holes import HoledScene
 from lightwell.igi.materials import IgiMaterial, phong_exponent
 from lightwell.igi.scene import IgiObject, IgiScene
 from lightwell.transfer.surface import LIFT, LIFT_ULPS, merge
@@ -51,7 +53,6 @@ class Surfaces:
         self.objects = tuple(item for item in scene.objects if len(item.mesh.triangles))
         meshes = [item.mesh for item in self.objects] or [make_mesh("nothing", [[0, 0, 0]], [])]
         self.mesh: Mesh = merge(meshes)
-        self.rays = RayScene([self.mesh])
         fronts, areas = front_normals(self.mesh)
         self.fronts: Singles = fronts.astype(np.float32)
         """``(F, 3)`` unit normals of the triangles, zero where one is degenerate."""
@@ -70,7 +71,15 @@ class Surfaces:
         self._table = _table([item.material for item in self.objects])
         self._uv = _merged_uv(self.objects)
         self._tangents = _merged_tangents(self.objects)
-        self._textured = [number for number, item in enumerate(self.objects) if item.material.textures]
+        self._materials, self._made_of = by_material(self.objects)
+        self._textured = [number for number, material in enumerate(self._materials) if material.textures]
+        self._coverage = Coverage(self.objects, self.mesh.triangles, self.owner, self._uv)
+        kind = self._coverage.kind
+        self._has_holes = bool((kind != WHOLE).any())
+        self.rays: RayScene = (
+            HoledScene(self.mesh, kind, self._coverage.solid, self.lift) if self._has_holes else RayScene([self.mesh])
+        )
+        """What rays meet: nothing where there is a hole."""
 
     @property
     def area(self) -> float:
@@ -83,14 +92,21 @@ class Surfaces:
             return 0.0
         step = -(-len(self.areas) // MOST_CENTRES)
         triangles = np.arange(0, len(self.areas), step)
-        points = self.at(triangles, np.full((len(triangles), 2), 1 / 3, np.float32), -self.fronts[triangles])
+        middles = np.full((len(triangles), 2), 1 / 3, np.float32)
+        points = self.at(triangles, middles, -self.fronts[triangles])
         colour = (points.kd + points.ks).astype(np.float64) @ LUMINANCE
-        return float(np.average(colour, weights=self.areas[triangles] + 1e-300))
+        areas = self.areas[triangles]
+        if self._has_holes:
+            areas = areas * self._coverage.solid(triangles, middles)
+        return float(np.average(colour, weights=areas + 1e-300))
 
     def emission(self, triangles: NDArray[np.integer], barycentric: Floats) -> Floats:
-        """Return the radiance ``(n, 3)`` of the fronts at points of triangles."""
-        points = self.at(triangles, barycentric.astype(np.float32), -self.fronts[triangles])
-        return points.emission.astype(np.float64)
+        """Return the radiance ``(n, 3)`` of the fronts at points of triangles, which is zero in holes."""
+        places = barycentric.astype(np.float32)
+        emission = self.at(triangles, places, -self.fronts[triangles]).emission.astype(np.float64)
+        if self._has_holes:
+            emission[~self._coverage.solid(triangles, places)] = 0
+        return emission
 
     def at(self, triangles: NDArray[np.integer], barycentric: Singles, directions: Singles) -> SurfacePoints:
         """Return what is at points of triangles ``(n,)``, at ``(n, 2)``, that rays meet along ``(n, 3)``."""
@@ -107,11 +123,12 @@ class Surfaces:
         if own.any():
             base[own] = _interpolated(self.mesh.albedo, corners[own], weights[own])
         metallic, roughness, emission = table.metallic[owner], table.roughness[owner], table.emission[owner]
+        made_of = self._made_of[owner] if self._textured else owner
         for number in self._textured:
-            here = np.flatnonzero(owner == number)
+            here = np.flatnonzero(made_of == number)
             if not here.size:
                 continue
-            material = self.objects[number].material
+            material = self._materials[number]
             spot = _Spot(self, triangles[here], corners[here], weights[here], normals[here])
             if (texture := material.base_texture) is not None:
                 base[here] *= np.clip(texture.at(spot.uv(texture.uv_set)), 0, 1)

@@ -10,27 +10,35 @@ from numpy.typing import NDArray
 
 Singles = NDArray[np.float32]
 Wrap = Literal["repeat", "mirror", "clamp"]
+Encoding = Literal["linear", "srgb"]
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
     """A picture by texture coordinates, bilinear between the centres of its texels."""
 
-    pixels: Singles
-    """``(H, W, C)`` float32, linear and finite; colours have been decoded from sRGB already."""
+    pixels: Singles | NDArray[np.uint8]
+    """``(H, W, C)`` float32, linear and finite; or bytes, which take a quarter of the memory, 255 for 1."""
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     """What there is beyond 0 … 1, along u and along v."""
     uv_set: int = 0
     """Which texture coordinates of the object it goes by."""
     transform: NDArray[np.float64] | None = None
     """``(2, 3)``: affine map from texture coordinates to those of the picture (KHR_texture_transform)."""
+    encoding: Encoding = "linear"
+    """Of bytes: those of colours are decoded from sRGB, each texel before it is mixed with others."""
+    is_smooth: bool = True
+    """Bilinear; else a texel is the same all over (a sampler's NEAREST)."""
 
     def __post_init__(self) -> None:
         if self.pixels.ndim != 3 or 0 in self.pixels.shape:
             raise ValueError(f"the texture has the shape {self.pixels.shape}; (height, width, channels) is needed")
-        if not np.isfinite(self.pixels).all():
-            raise ValueError("the texture holds values that are not finite: repair them")
-        object.__setattr__(self, "pixels", np.ascontiguousarray(self.pixels, np.float32))
+        if self.pixels.dtype != np.uint8:
+            if self.encoding != "linear":
+                raise ValueError(f"the texture's pixels are {self.pixels.dtype}; only bytes are decoded from sRGB")
+            if not np.isfinite(self.pixels).all():
+                raise ValueError("the texture holds values that are not finite: repair them")
+            object.__setattr__(self, "pixels", np.ascontiguousarray(self.pixels, np.float32))
         if self.transform is not None and np.shape(self.transform) != (2, 3):
             raise ValueError(f"the texture's transform has the shape {np.shape(self.transform)}; (2, 3) is needed")
 
@@ -38,10 +46,13 @@ class Texture:
         """Return the values ``(n, C)`` at texture coordinates ``(n, 2)``."""
         height, width, _ = self.pixels.shape
         u, v = self._placed(uv)
+        if not self.is_smooth:
+            column, row = np.floor(u * width).astype(np.int64), np.floor(v * height).astype(np.int64)
+            return self._values(_wrapped(row, height, self.wrap[1]), _wrapped(column, width, self.wrap[0]))
         left, right, across = _texels(u * width - 0.5, width, self.wrap[0])
         upper, lower, down = _texels(v * height - 0.5, height, self.wrap[1])
-        above = self.pixels[upper, left] * (1 - across) + self.pixels[upper, right] * across
-        below = self.pixels[lower, left] * (1 - across) + self.pixels[lower, right] * across
+        above = self._values(upper, left) * (1 - across) + self._values(upper, right) * across
+        below = self._values(lower, left) * (1 - across) + self._values(lower, right) * across
         return np.asarray(above * (1 - down) + below * down, np.float32)
 
     def slopes_at(self, uv: Singles) -> Singles:
@@ -57,6 +68,19 @@ class Texture:
             slopes = slopes @ self.transform[:, :2].astype(np.float32)
         return np.asarray(slopes, np.float32)
 
+    @property
+    def bounds(self) -> tuple[Singles, Singles]:
+        """Least and greatest value of each channel, ``(C,)``."""
+        lowest, highest = self.pixels.min(axis=(0, 1)), self.pixels.max(axis=(0, 1))
+        if self.pixels.dtype == np.uint8:
+            return _DECODED[self.encoding][lowest], _DECODED[self.encoding][highest]
+        return np.asarray(lowest, np.float32), np.asarray(highest, np.float32)
+
+    def _values(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Singles:
+        """Return linear texels, ``(n, C)``."""
+        texels = self.pixels[rows, columns]
+        return np.asarray(_DECODED[self.encoding][texels] if texels.dtype == np.uint8 else texels, np.float32)
+
     def _placed(self, uv: Singles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         u, v = uv[:, 0].astype(np.float64), uv[:, 1].astype(np.float64)
         if self.transform is None:
@@ -69,6 +93,13 @@ def linear_from_srgb(encoded: NDArray[np.floating]) -> Singles:
     """Return linear values of sRGB-encoded ones, 0 … 1 both (IEC 61966-2-1)."""
     value = np.asarray(encoded, np.float64)
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+_DECODED: dict[Encoding, Singles] = {
+    "linear": (np.arange(256) / 255).astype(np.float32),
+    "srgb": linear_from_srgb(np.arange(256) / 255),
+}
+"""Values of bytes."""
 
 
 def _texels(place: NDArray[np.float64], size: int, wrap: Wrap) -> tuple[NDArray[np.int64], NDArray[np.int64], Singles]:

@@ -6,11 +6,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from lightwell.io.gltf_check import MAX_OBJECTS, STRIP, TRIANGLE_MODES, TRIANGLES, GltfError
+from lightwell.io.gltf_check import INSTANCES, MAX_OBJECTS, STRIP, TRIANGLE_MODES, TRIANGLES, GltfError
 from lightwell.io.gltf_colours import Pictures, base_colours
 from lightwell.io.gltf_data import GltfData
+
+PLACING = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
+"""Attributes of instances, and how many numbers each has."""
 
 
 class GltfObject(NamedTuple):
@@ -28,9 +31,11 @@ class GltfObject(NamedTuple):
     primitive: Mapping[str, Any]
     """What the file says of it."""
     turn: NDArray[np.float64]
-    """``(3, 3)``, or ``(V, 3, 3)`` of a skin: how directions along the surface have been turned."""
-    mirrored: bool
-    """Whether that was a mirror image."""
+    """``(1, 3, 3)``, or ``(V, 3, 3)``: how directions along the surface have been turned."""
+    mirrored: NDArray[np.bool_]
+    """``(1,)`` or ``(V,)``: whether that was a mirror image."""
+    copies: int
+    """How often the vertices of the primitive come after each other (EXT_mesh_gpu_instancing)."""
 
 
 def read_objects(document: Mapping[str, Any], data: GltfData, pictures: Pictures | None) -> Iterator[GltfObject]:
@@ -58,20 +63,29 @@ def read_objects(document: Mapping[str, Any], data: GltfData, pictures: Pictures
         for primitive in mesh["primitives"]:
             if primitive.get("mode", TRIANGLES) not in TRIANGLE_MODES or "POSITION" not in primitive["attributes"]:
                 continue
-            yield _object(document, data, primitive, name, weights, places, places[node_index], skin, pictures)
+            local = _local(document, data, primitive, weights, pictures)
+            if skin is not None and "JOINTS_0" in primitive["attributes"] and "WEIGHTS_0" in primitive["attributes"]:
+                yield _bent(local, name, primitive, _skinned(data, skin, primitive["attributes"], places))
+            else:
+                yield _placed(local, name, primitive, places[node_index] @ _instances(data, node))
 
 
-def _object(
+class _Local(NamedTuple):
+    """A primitive where it is before its node moves it; as `GltfObject`."""
+
+    positions: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    normals: NDArray[np.float64] | None
+    colours: NDArray[np.float64] | None
+
+
+def _local(
     document: Mapping[str, Any],
     data: GltfData,
     primitive: Mapping[str, Any],
-    name: str,
     weights: Any,  # noqa: ANN401
-    places: Mapping[int, NDArray[np.float64]],
-    place: NDArray[np.float64],
-    skin: Mapping[str, Any] | None,
     pictures: Pictures | None,
-) -> GltfObject:
+) -> _Local:
     attributes = primitive["attributes"]
     positions = data.numbers(attributes["POSITION"], 3)
     normals = data.numbers(attributes["NORMAL"], 3) if "NORMAL" in attributes else None
@@ -81,25 +95,45 @@ def _object(
         if weight and "NORMAL" in target and normals is not None:
             normals = normals + weight * data.numbers(target["NORMAL"], 3)
     triangles = _triangles(data, primitive, len(positions))
-    colours = base_colours(document, data, primitive, len(positions), pictures)
-    if skin is not None and "JOINTS_0" in attributes and "WEIGHTS_0" in attributes:
-        # The joints alone say where a skin is; the node that holds it does not (glTF 2.0 §3.7.3.3).
-        matrices = _skinned(data, skin, attributes, places)
-        turn = matrices[:, :3, :3]
-        positions = np.einsum("vij,vj->vi", turn, positions) + matrices[:, :3, 3]
-        # Mixtures of turns have no inverse to rely on: as renderers do, normals go like the surface.
-        normals = None if normals is None else np.einsum("vij,vj->vi", turn, normals)
-        mirrored = len(turn) > 0 and bool(np.median(np.linalg.det(turn)) < 0)
-    else:
+    return _Local(positions, triangles, normals, base_colours(document, data, primitive, len(positions), pictures))
+
+
+def _bent(local: _Local, name: str, primitive: Mapping[str, Any], matrices: NDArray[np.float64]) -> GltfObject:
+    """Return a primitive as its joints put it: they alone say where it is, not its node (glTF 2.0 §3.7.3.3)."""
+    turn = matrices[:, :3, :3]
+    positions = np.einsum("vij,vj->vi", turn, local.positions) + matrices[:, :3, 3]
+    # Mixtures of turns have no inverse to rely on: as renderers do, normals go like the surface.
+    normals = None if local.normals is None else np.einsum("vij,vj->vi", turn, local.normals)
+    mirrored = len(turn) > 0 and bool(np.median(np.linalg.det(turn)) < 0)
+    triangles = local.triangles[:, ::-1] if mirrored else local.triangles
+    return GltfObject(name, positions, triangles, normals, local.colours, primitive, turn, np.array([mirrored]), 1)
+
+
+def _placed(local: _Local, name: str, primitive: Mapping[str, Any], places: NDArray[np.float64]) -> GltfObject:
+    """Return a primitive at each of the places ``(copies, 4, 4)``, as one object."""
+    count, copies = len(local.positions), len(places)
+    positions, normals, triangles = [], [], []
+    mirrored = np.linalg.det(places[:, :3, :3]) < 0
+    for number, place in enumerate(places):
         turn = place[:3, :3]
-        mirrored = bool(np.linalg.det(turn) < 0)
-        positions = positions @ turn.T + place[:3, 3]
-        # Normals go by the cofactors (det · inverse transpose), which also serve where a scale is 0.
-        cofactors = np.stack([np.cross(turn[(i + 1) % 3], turn[(i + 2) % 3]) for i in range(3)])
-        normals = None if normals is None else normals @ cofactors.T * (-1 if mirrored else 1)
-    if mirrored:  # a mirror image runs round the other way (§3.7.4)
-        triangles = triangles[:, ::-1]
-    return GltfObject(name, positions, triangles, normals, colours, primitive, turn, mirrored)
+        positions.append(local.positions @ turn.T + place[:3, 3])
+        # A mirror image runs round the other way (§3.7.4).
+        triangles.append((local.triangles[:, ::-1] if mirrored[number] else local.triangles) + number * count)
+        if local.normals is not None:
+            # Normals go by the cofactors (det · inverse transpose), which also serve where a scale is 0.
+            cofactors = np.stack([np.cross(turn[(i + 1) % 3], turn[(i + 2) % 3]) for i in range(3)])
+            normals.append(local.normals @ cofactors.T * (-1 if mirrored[number] else 1))
+    return GltfObject(
+        name,
+        np.concatenate(positions),
+        np.concatenate(triangles),
+        np.concatenate(normals) if normals else None,
+        None if local.colours is None else np.tile(local.colours, (copies, 1)),
+        primitive,
+        places[:, :3, :3] if copies == 1 else np.repeat(places[:, :3, :3], count, axis=0),
+        mirrored if copies == 1 else np.repeat(mirrored, count),
+        copies,
+    )
 
 
 def _triangles(data: GltfData, primitive: Mapping[str, Any], vertices: int) -> NDArray[np.int64]:
@@ -175,8 +209,27 @@ def node_places(document: Mapping[str, Any]) -> dict[int, NDArray[np.float64]]:
 def _own_place(node: Mapping[str, Any]) -> NDArray[np.float64]:
     if "matrix" in node:
         return np.asarray(node["matrix"], np.float64).reshape(4, 4).T  # columns after each other
+    return _place(node.get("translation", (0, 0, 0)), node.get("rotation", (0, 0, 0, 1)), node.get("scale", (1, 1, 1)))
+
+
+def _instances(data: GltfData, node: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return where a node's mesh is put, ``(copies, 4, 4)``, in the node's own axes: once, unless it says otherwise."""
+    attributes = node.get("extensions", {}).get(INSTANCES, {}).get("attributes", {})
+    given = {key: data.numbers(attributes[key], width) for key, width in PLACING.items() if key in attributes}
+    counts = {len(rows) for rows in given.values()}
+    if not given:
+        return np.eye(4)[None]
+    if len(counts) > 1:
+        raise GltfError("has instances with unlike numbers of places, turns and sizes; export it again")
+    move, turn, size = ("TRANSLATION", (0, 0, 0)), ("ROTATION", (0, 0, 0, 1)), ("SCALE", (1, 1, 1))
+    rows = [given.get(key, np.tile(other, (max(counts), 1))) for key, other in (move, turn, size)]
+    return np.array([_place(*row) for row in zip(*rows, strict=True)]).reshape(-1, 4, 4)
+
+
+def _place(translation: ArrayLike, rotation: ArrayLike, scale: ArrayLike) -> NDArray[np.float64]:
+    """Return ``(4, 4)``: scaled, then turned by a quaternion (x, y, z, w) of any length, then moved."""
     place = np.eye(4)
-    x, y, z, w = np.asarray(node.get("rotation", (0, 0, 0, 1)), np.float64)
+    x, y, z, w = np.asarray(rotation, np.float64)
     length = x * x + y * y + z * z + w * w
     if length > 0:
         s = 2 / length
@@ -185,6 +238,6 @@ def _own_place(node: Mapping[str, Any]) -> NDArray[np.float64]:
             [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
             [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
         ]
-    place[:3, :3] *= np.asarray(node.get("scale", (1, 1, 1)), np.float64)
-    place[:3, 3] = np.asarray(node.get("translation", (0, 0, 0)), np.float64)
+    place[:3, :3] *= np.asarray(scale, np.float64)
+    place[:3, 3] = np.asarray(translation, np.float64)
     return place

@@ -16,9 +16,17 @@ UNREADABLE = {
     "KHR_draco_mesh_compression": "Draco compression",
     "EXT_meshopt_compression": "meshopt compression",
     "KHR_meshopt_compression": "meshopt compression",
-    "EXT_mesh_gpu_instancing": "instances on the GPU",
 }
-HARMLESS = ("KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp")
+INSTANCES = "EXT_mesh_gpu_instancing"
+HARMLESS = (
+    INSTANCES,
+    "KHR_mesh_quantization",
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "KHR_lights_",
+    "KHR_xmp",
+)
 """Beginnings of extensions that are read, or that change nothing of what is."""
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -127,12 +135,17 @@ def _check_triangles(document: Mapping[str, Any], most: int) -> None:
     children = [child for node in nodes for child in node.get("children", ())]
     if len(set(children)) < len(children):
         raise GltfError("has nodes with two parents or in a circle; export it again")
-    uses = [per_mesh[node["mesh"]] for node in nodes if "mesh" in node]
-    triangles, vertices = sum(use[0] for use in uses), sum(use[1] for use in uses)
+    uses = [(_copies(node, accessors), per_mesh[node["mesh"]]) for node in nodes if "mesh" in node]
+    triangles, vertices = (sum(copies * use[k] for copies, use in uses) for k in (0, 1))
     if triangles > most:
         raise GltfError(f"shows {triangles} triangles; at most {most} are read: simplify it")
     if vertices > 3 * most:
         raise GltfError(f"shows {vertices} vertices; at most {3 * most} are read: simplify it")
+
+
+def _copies(node: Mapping[str, Any], accessors: list[Any]) -> int:
+    attributes = node.get("extensions", {}).get(INSTANCES, {}).get("attributes", {})
+    return max((int(accessors[index]["count"]) for index in attributes.values()), default=1)
 
 
 def _count_triangles(primitive: Mapping[str, Any], accessors: list[Any]) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.io.gltf_data import GltfData
+from lightwell.io.texture_pixels import decoded
 
 GLOSSY = "KHR_materials_pbrSpecularGlossiness"
 TRANSFORM = "KHR_texture_transform"
@@ -25,18 +25,15 @@ Sample = Callable[[NDArray[np.uint8], NDArray[np.float64]], NDArray[np.float64]]
 class Pictures:
     """The pictures of a document; each is decoded once, however many objects wear it."""
 
-    def __init__(
-        self, document: Mapping[str, Any], data: GltfData, decode: Callable[[Any], NDArray[np.uint8]], sample: Sample
-    ) -> None:
-        """Take what makes pixels of a picture of Pillow's, and what looks colours up in them."""
+    def __init__(self, document: Mapping[str, Any], data: GltfData, sample: Sample) -> None:
+        """Take a checked document, its data, and what looks colours up in pixels."""
         self._document = document
         self._data = data
-        self._decode = decode
         self.sample = sample
         self._kept: dict[int, NDArray[np.uint8] | None] = {}
 
     def pixels(self, texture: Mapping[str, Any]) -> NDArray[np.uint8] | None:
-        """Return sRGB pixels ``(H, W, 3)``, or None where the picture is of a type that is not read (KTX2)."""
+        """Return bytes ``(H, W, 3)``, with alpha ``(H, W, 4)``, or None where the type is not read (KTX2)."""
         entry = self._document["textures"][texture["index"]]
         extensions = entry.get("extensions", {})
         sources = [extensions[name]["source"] for name in PICTURE_EXTENSIONS if name in extensions]
@@ -53,18 +50,14 @@ class Pictures:
         return None
 
     def _read(self, source: int) -> NDArray[np.uint8] | None:
-        from PIL import Image, UnidentifiedImageError
-
         image = self._document["images"][source]
         if "bufferView" in image:
             body = bytes(self._data.view(image["bufferView"]))
         else:
             body = self._data.bytes_of_uri(image["uri"])
-        try:
-            picture = Image.open(io.BytesIO(body))
-        except UnidentifiedImageError:
-            return None
-        return self._decode(picture)
+        uri = str(image.get("uri", ""))
+        name = image.get("name") or (uri[:80] if uri and not uri.startswith("data:") else source)
+        return decoded(body, f"picture {name!r}")
 
 
 def base_colours(
@@ -88,12 +81,19 @@ def base_colours(
             name = f"TEXCOORD_{turn.get('texCoord', texture.get('texCoord', 0))}"
             if name in attributes:
                 uv = _moved(data.numbers(attributes[name], 2), turn)
-                colours *= pictures.sample(found, np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1))
+                colours *= pictures.sample(found[:, :, :3], np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1))
                 known = True
     if "COLOR_0" in attributes:
-        colours *= data.colours(attributes["COLOR_0"])
+        colours *= data.colours(attributes["COLOR_0"])[:, :3]
         known = True
     return colours if known else None
+
+
+def vertex_alpha(data: GltfData, primitive: Mapping[str, Any]) -> NDArray[np.float64] | None:
+    """Return the alpha of the colours of vertices, ``(V,)``, or None where they have none."""
+    index = primitive["attributes"].get("COLOR_0")
+    colours = None if index is None else data.colours(index)
+    return None if colours is None or colours.shape[1] < 4 else colours[:, 3]
 
 
 def _moved(uv: NDArray[np.float64], turn: Mapping[str, Any]) -> NDArray[np.float64]:

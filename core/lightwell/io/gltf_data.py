@@ -100,8 +100,8 @@ class GltfData:
         return numbers
 
     def colours(self, index: int) -> NDArray[np.float64]:
-        """Return ``(count, 3)`` linear colours, 0 … 1; alpha is left out."""
-        values = self.accessor(index)[:, :3]
+        """Return linear colours, 0 … 1: ``(count, 3)``, or ``(count, 4)`` with alpha."""
+        values = self.accessor(index)
         # The specification wants integers to be marked as normalised; files that forget it mean the same.
         most = float(np.iinfo(values.dtype).max) if values.dtype.kind in "iu" else 1.0
         return values.astype(np.float64) / most

@@ -9,25 +9,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.igi.materials import DIELECTRIC, IgiMaterial
-from lightwell.igi.textures import Texture, Wrap, linear_from_srgb
+from lightwell.igi.materials import IgiMaterial
+from lightwell.igi.textures import Texture, Wrap
 from lightwell.io.gltf_check import GltfError
 from lightwell.io.gltf_colours import GLOSSY, TRANSFORM, Pictures
 
 STRENGTH = "KHR_materials_emissive_strength"
 SPECULAR = "KHR_materials_specular"
 INDEX = "KHR_materials_ior"
+TRANSMISSION = "KHR_materials_transmission"
+UNLIT = "KHR_materials_unlit"
 LEFT_OUT = {
-    "KHR_materials_transmission": "it is drawn opaque",
     "KHR_materials_clearcoat": "the coat is left out",
     "KHR_materials_sheen": "the sheen is left out",
-    "KHR_materials_unlit": "it is lit like the others",
+    "KHR_materials_anisotropy": "its gloss is the same in all directions",
+    "KHR_materials_iridescence": "its gloss has no colours of a thin film",
+    "KHR_materials_diffuse_transmission": "no light shines through it",
+    "KHR_materials_subsurface": "no light shines through it",
+    UNLIT: "it is lit like matte paint",
 }
 """What a picture would show otherwise, and how it shows it here."""
+HALF = 0.5
+"""What lets more light through than this is a hole, and the rest is opaque: nearest to the truth."""
 
 WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
-MAX_TEXELS = 1 << 26
-"""Of all pictures together; as float32 they take 12 bytes each."""
+NEAREST = 9728
+MAX_TEXELS = 1 << 28
+"""Of all pictures together; they take 3 bytes each, or 4."""
 
 
 class Materials:
@@ -38,7 +46,7 @@ class Materials:
         self._document = document
         self._pictures = pictures
         self._made: dict[int, IgiMaterial] = {}
-        self._linear: dict[tuple[str, bool], NDArray[np.float32]] = {}
+        self._texels: dict[str, NDArray[np.uint8]] = {}
         self.remarks: list[str] = []
         """What a picture will not show."""
 
@@ -54,11 +62,18 @@ class Materials:
         if index is None:
             return IgiMaterial()
         if index not in self._made:
-            self._made[index] = self._material(self._document["materials"][index], f"material {index}")
-        return self._made[index]
+            self._made[index] = self._material(self._document["materials"][index], self._name(index))
+        made = self._made[index]
+        if made.hole_below > 0 and self._document["materials"][index].get("alphaMode") != "MASK":
+            coloured = primitive["attributes"].get("COLOR_0")
+            varies = coloured is not None and self._document["accessors"][coloured]["type"] == "VEC4"
+            self.remarks += _of_translucent(self._name(index), made, varies)
+        return made
+
+    def _name(self, index: int) -> str:
+        return f"material {self._document['materials'][index].get('name', index)!r}"
 
     def _material(self, material: Mapping[str, Any], name: str) -> IgiMaterial:
-        name = f"material {material['name']!r}" if "name" in material else name
         extensions = material.get("extensions", {})
         rough = material.get("pbrMetallicRoughness", {})
         glossy = None if rough else extensions.get(GLOSSY)
@@ -70,15 +85,18 @@ class Materials:
                 self.remarks.append(f"{name}: its picture of gloss is left out; convert it to metallic-roughness")
         else:
             metallic, roughness = float(rough.get("metallicFactor", 1)), float(rough.get("roughnessFactor", 1))
-            index = float(extensions.get(INDEX, {}).get("ior", 0))
-            specular = ((index - 1) / (index + 1)) ** 2 if index > 0 else DIELECTRIC
-            specular *= float(extensions.get(SPECULAR, {}).get("specularFactor", 1))
+            specular = self._specular(extensions, name)
             base, both = rough.get("baseColorTexture"), rough.get("metallicRoughnessTexture")
-        normal = material.get("normalTexture")
+        factor = (glossy or {}).get("diffuseFactor") or rough.get("baseColorFactor", (1, 1, 1, 1))
+        if UNLIT in extensions:
+            metallic, roughness, specular, both = 0.0, 1.0, 0.0, None
+        normal = None if UNLIT in extensions else material.get("normalTexture")
         strength = float(extensions.get(STRENGTH, {}).get("emissiveStrength", 1))
-        red, green, blue = (strength * float(value) for value in material.get("emissiveFactor", (0, 0, 0)))
-        if material.get("alphaMode", "OPAQUE") != "OPAQUE":
-            self.remarks.append(f"{name}: has holes or is translucent ({material['alphaMode']}); it is drawn opaque")
+        emission = (0, 0, 0) if UNLIT in extensions else material.get("emissiveFactor", (0, 0, 0))
+        red, green, blue = (strength * float(value) for value in emission)
+        mode = material.get("alphaMode", "OPAQUE")
+        through = extensions.get(TRANSMISSION, {})
+        transmission = float(through.get("transmissionFactor", 0))
         self.remarks += [f"{name}: has {key}; {how}" for key, how in LEFT_OUT.items() if key in extensions]
         return IgiMaterial(
             metallic=_fraction(metallic, name, "metallicFactor"),
@@ -93,40 +111,78 @@ class Materials:
             else None,
             normal_texture=self._texture(normal, name, "numbers"),
             normal_scale=1.0 if normal is None else float(normal.get("scale", 1)),
+            alpha=_fraction(1.0 if mode == "OPAQUE" else float(factor[3]), name, "alpha"),
+            alpha_texture=None if mode == "OPAQUE" else self._texture(base, name, "alpha"),
+            transmission=_fraction(transmission, name, "transmissionFactor"),
+            transmission_texture=self._texture(through.get("transmissionTexture"), name, "numbers")
+            if transmission > 0
+            else None,
+            hole_below=_hole_below(material, transmission),
             two_sided=bool(material.get("doubleSided", False)),
         )
+
+    def _specular(self, extensions: Mapping[str, Any], name: str) -> float:
+        """Return the reflectance, seen head-on, of what is not metal."""
+        index = float(extensions[INDEX].get("ior", 1.5)) if INDEX in extensions else 1.5
+        # An index of 0 stands for a mirror: what was made of specular-glossiness has it.
+        head_on = 1.0 if index == 0 else ((index - 1) / (index + 1)) ** 2
+        extra = extensions.get(SPECULAR, {})
+        if "specularTexture" in extra or "specularColorTexture" in extra:
+            self.remarks.append(f"{name}: its pictures of {SPECULAR} are left out; the gloss is even")
+        tint = float(np.mean(extra.get("specularColorFactor", (1, 1, 1))))
+        return min(head_on * tint, 1.0) * float(extra.get("specularFactor", 1))
 
     def _texture(self, info: Mapping[str, Any] | None, material: str, kind: str) -> Texture | None:
         if info is None:
             return None
         entry = self._document["textures"][info["index"]]
-        pixels = self._pixels(info, entry, material, kind == "colour")
+        pixels = self._pixels(info, entry, material)
+        if kind == "alpha":
+            if pixels.shape[2] < 4:
+                return None
+            pixels = pixels[:, :, 3:]
         sampler = self._document["samplers"][entry["sampler"]] if "sampler" in entry else {}
         turn = info.get("extensions", {}).get(TRANSFORM, {})
         return Texture(
-            pixels,
+            pixels[:, :, :3],
             (WRAPS[sampler.get("wrapS", 10497)], WRAPS[sampler.get("wrapT", 10497)]),
             int(turn.get("texCoord", info.get("texCoord", 0))),
             _affine(turn),
+            "srgb" if kind == "colour" else "linear",
+            sampler.get("magFilter") != NEAREST,
         )
 
-    def _pixels(
-        self, info: Mapping[str, Any], entry: Mapping[str, Any], material: str, colour: bool
-    ) -> NDArray[np.float32]:
-        """Return linear pixels ``(H, W, 3)``."""
-        source = {key: value for key, value in entry.items() if key not in ("sampler", "name")}
-        key = (json.dumps(source, sort_keys=True), colour)
-        if key not in self._linear:
+    def _pixels(self, info: Mapping[str, Any], entry: Mapping[str, Any], material: str) -> NDArray[np.uint8]:
+        """Return bytes ``(H, W, 3)``, or ``(H, W, 4)`` with alpha."""
+        key = json.dumps(
+            {name: value for name, value in entry.items() if name not in ("sampler", "name")}, sort_keys=True
+        )
+        if key not in self._texels:
             found = self._pictures.pixels(info)
             if found is None:
                 raise GltfError(f"{material} has a picture of a type that is not read; export it with PNG or JPEG")
-            total = sum(one.shape[0] * one.shape[1] for one in self._linear.values()) + found.shape[0] * found.shape[1]
+            total = sum(one.shape[0] * one.shape[1] for one in (*self._texels.values(), found))
             if total > MAX_TEXELS:
                 raise GltfError(f"has pictures of {total} pixels together; at most {MAX_TEXELS} are read: shrink them")
-            levels = np.arange(256) / 255
-            table = linear_from_srgb(levels) if colour else levels.astype(np.float32)
-            self._linear[key] = table[found]
-        return self._linear[key]
+            self._texels[key] = found
+        return self._texels[key]
+
+
+def _of_translucent(name: str, made: IgiMaterial, varies: bool) -> list[str]:
+    """Return what is to be said of a material that is no cut-out; nothing where it turns out to be opaque."""
+    through = 1 - made.alpha * (1 - made.transmission * (1 - made.metallic))
+    if varies or made.alpha_texture is not None or made.transmission_texture is not None:
+        return [f"{name}: is translucent here and there; it has holes where more than half of the light goes through"]
+    if through > 1 - made.hole_below:
+        return [f"{name}: lets {100 * through:.0f} % of the light through; it is left out"]
+    return [f"{name}: lets {100 * through:.0f} % of the light through; it is drawn opaque"] if through > 0 else []
+
+
+def _hole_below(material: Mapping[str, Any], transmission: float) -> float:
+    mode = material.get("alphaMode", "OPAQUE")
+    if mode == "MASK":
+        return float(material.get("alphaCutoff", HALF))
+    return HALF if mode == "BLEND" or transmission > 0 else 0.0
 
 
 def _fraction(value: float, material: str, name: str) -> float:

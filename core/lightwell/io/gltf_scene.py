@@ -15,7 +15,7 @@ from lightwell.igi.materials import IgiMaterial
 from lightwell.igi.scene import DirectionalLight, IgiObject, PointLight
 from lightwell.io.gltf import GltfObject, node_places, read_objects
 from lightwell.io.gltf_check import GltfError
-from lightwell.io.gltf_colours import Pictures
+from lightwell.io.gltf_colours import Pictures, vertex_alpha
 from lightwell.io.gltf_data import GltfData
 from lightwell.io.gltf_lamps import GltfCamera, read_cameras, read_lamps
 from lightwell.io.gltf_materials import Materials
@@ -26,7 +26,6 @@ from lightwell.io.meshes import (
     checked_mesh,
     mesh_errors,
     open_gltf,
-    pixels_of,
     read_mesh_file,
     unique_title,
 )
@@ -99,7 +98,7 @@ def read_gltf_scene(
     with mesh_errors(name):
         document, data_of = open_gltf(data, name, folder, max_triangles)
         places = node_places(document)
-        materials = Materials(document, Pictures(document, data_of, pixels_of, _unused))
+        materials = Materials(document, Pictures(document, data_of, _unused))
         taken: set[str] = set()
         objects = tuple(
             _object(name, one, unique_title(one.name, taken), materials, data_of)
@@ -125,9 +124,17 @@ def _object(file: str, one: GltfObject, title: str, materials: Materials, data: 
     mesh = checked_mesh(file, title, one.positions @ Z_UP.T, one.triangles, normals, albedo)
     material = materials.material(one.primitive)
     attributes = one.primitive["attributes"]
-    count = len(mesh.positions)
+    count = len(mesh.positions) // one.copies
     try:
-        return IgiObject(mesh, material, _uv(material, attributes, count, data, title), _tangents(one, count, data))
+        uv = tuple(np.tile(one_set, (one.copies, 1)) for one_set in _uv(material, attributes, count, data, title))
+        alpha = vertex_alpha(data, one.primitive) if material.hole_below > 0 else None
+        return IgiObject(
+            mesh,
+            material,
+            uv,
+            _tangents(one, count, data),
+            None if alpha is None else np.tile(alpha, one.copies).astype(np.float32),
+        )
     except GltfError:
         raise
     except ValueError as error:
@@ -161,8 +168,9 @@ def _tangents(one: GltfObject, count: int, data: GltfData) -> Singles | None:
     given = data.numbers(index, 4)
     if len(given) != count:
         raise GltfError(f"has {count} vertices and {len(given)} tangents; export it again")
-    turned = given[:, :3] @ one.turn.T if one.turn.ndim == 2 else np.einsum("vij,vj->vi", one.turn, given[:, :3])
-    side = np.where(given[:, 3:] < 0, -1.0, 1.0) * (-1 if one.mirrored else 1)
+    given = np.tile(given, (one.copies, 1))
+    turned = np.einsum("vij,vj->vi", np.broadcast_to(one.turn, (len(given), 3, 3)), given[:, :3])
+    side = np.where(given[:, 3:] < 0, -1.0, 1.0) * np.where(one.mirrored, -1, 1)[:, None]
     turned = np.nan_to_num(turned @ Z_UP.T, nan=0.0, posinf=0.0, neginf=0.0)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     return np.concatenate([turned / np.where(length > 0, length, 1.0), side], axis=1).astype(np.float32)

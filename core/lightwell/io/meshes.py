@@ -18,12 +18,12 @@ from lightwell.io.gltf import read_objects
 from lightwell.io.gltf_check import MAX_OBJECTS, GltfError, check_document, parse_document, split_glb
 from lightwell.io.gltf_colours import Pictures
 from lightwell.io.gltf_data import GltfData
+from lightwell.io.texture_pixels import pixels_of
 
 UpAxis = Literal["y", "z"]
 MESH_SUFFIXES = (".glb", ".gltf", ".ply", ".obj")
 MAX_FILE_BYTES = 1 << 30
 MAX_TRIANGLES = 5_000_000
-MAX_TEXTURE_PIXELS = 1 << 26
 
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Turns (x, y, z) with +Y up into world axes: (x, −z, y)."""
@@ -130,7 +130,7 @@ def _gltf(data: bytes, name: str, up: UpAxis, folder: Path | None, max_triangles
     turn = Z_UP if up == "y" else np.eye(3)
     meshes: list[Mesh] = []
     taken: set[str] = set()
-    for one in read_objects(document, data_of, Pictures(document, data_of, pixels_of, _sampled)):
+    for one in read_objects(document, data_of, Pictures(document, data_of, _sampled)):
         if len(one.positions) == 0:
             continue
         normals = None if one.normals is None else one.normals @ turn.T
@@ -333,14 +333,6 @@ def _fractions(values: Any) -> NDArray[np.float64]:  # noqa: ANN401
 def _linear(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return linear values of sRGB ones (IEC 61966-2-1)."""
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-def pixels_of(picture: Any) -> NDArray[np.uint8]:  # noqa: ANN401
-    """Return the sRGB pixels of a picture of Pillow's, ``(H, W, 3)``."""
-    width, height = picture.size
-    if width * height > MAX_TEXTURE_PIXELS:
-        raise GltfError(f"has a picture of {width}×{height}; at most {MAX_TEXTURE_PIXELS} pixels are read: shrink it")
-    return np.asarray(picture.convert("RGB"))
 
 
 def _sampled(pixels: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -280,11 +280,30 @@ def test_mistakes(change: Any, message: str) -> None:
         read(file)
 
 
+def remarks(material: dict[str, Any], *pictures: Any, **attributes: Any) -> tuple[str, ...]:
+    return read(floor({"name": "glass"} | material, pictures, **attributes)).remarks
+
+
 def test_what_will_not_be_seen_is_said() -> None:
-    glass = {"name": "glass", "alphaMode": "BLEND", "extensions": {"KHR_materials_transmission": {}}}
-    assert read(floor(glass)).remarks == (
-        "material 'glass': has holes or is translucent (BLEND); it is drawn opaque",
-        "material 'glass': has KHR_materials_transmission; it is drawn opaque",
+    def transmission(share: float) -> dict[str, Any]:
+        return {"extensions": {"KHR_materials_transmission": {"transmissionFactor": share}}}
+
+    def faint(alpha: float) -> dict[str, Any]:
+        return {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, alpha]}}
+
+    assert remarks(faint(0.25)) == ("material 'glass': lets 75 % of the light through; it is left out",)
+    assert remarks(faint(0.75)) == ("material 'glass': lets 25 % of the light through; it is drawn opaque",)
+    assert remarks(faint(1)) == ()
+    (said,) = remarks(faint(1), COLOR_0=[[1, 1, 1, 0.5]] * 4)
+    assert said.startswith("material 'glass': is translucent here and there; it has holes where more than half")
+    # Nothing goes through metal.
+    dielectric = transmission(0.9) | {"pbrMetallicRoughness": {"metallicFactor": 0}}
+    assert remarks(dielectric) == ("material 'glass': lets 90 % of the light through; it is left out",)
+    assert remarks(transmission(0.9)) == ()
+    coat = {"extensions": {"KHR_materials_clearcoat": {}, "KHR_materials_unlit": {}}}
+    assert remarks(coat) == (
+        "material 'glass': has KHR_materials_clearcoat; the coat is left out",
+        "material 'glass': has KHR_materials_unlit; it is lit like matte paint",
     )
 
 
