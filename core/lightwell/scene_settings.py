@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 from lightwell.conventions import MAX_BANDS
 from lightwell.igi_settings import IgiSettings
 from lightwell.settings import MappingSettings, Settings, WindowSettings
+from lightwell.video_settings import VideoSettings
 
 MAX_SIDE, MAX_SAMPLES = 16384, 16
 MAX_PIXELS = 1 << 26
@@ -28,6 +29,8 @@ Place = tuple[Metres, Metres, Metres]
 Power = Annotated[float, Field(ge=0, le=1e12)]
 Name = Annotated[str, Field(min_length=1)]
 Method = Literal["harmonics", "igi"]
+LINE_SUFFIXES = (".jsonl", ".ndjson", ".json")
+"""Of files that hold coefficients."""
 MOST_GROUPS = 4
 """Grids that are light groups together: what the web page draws."""
 
@@ -111,12 +114,24 @@ class SceneLightSettings(Settings):
     """Where the light comes from: file, stream or field of streams; grid; or grid that follows one of the first two."""
 
     file: Path | None = Field(
-        None, description="picture (.exr, .hdr; lat-long), or JSON of `lightwell project --json`, `watch --json`"
+        None,
+        description="picture (.exr, .hdr; lat-long), JSON of `lightwell project --json`, or a recording: JSON lines of"
+        " `watch --json`, a video, a folder or a pattern of pictures",
     )
+    frame: int | None = Field(
+        None,
+        description="file: which frame of a recording, counted from 0, or from the end where negative; default: the"
+        " first, of JSON lines the last",
+    )
+    video: VideoSettings = Field(VideoSettings(), description="how a video's signal stands for light")
     mapping: MappingSettings = Field(
         MappingSettings(), description="of the picture, where it is a recorded frame of a probe and not lat-long"
     )
-    stream: str | None = Field(None, min_length=1, description="name of a stream on the server: its newest frame")
+    stream: str | None = Field(
+        None,
+        min_length=1,
+        description="name of a stream on the server: its newest frame; with JSON lines of several: which of them",
+    )
     field: str | None = Field(
         None, min_length=1, description="name of a field on the server: the newest frames of its streams, by place"
     )
@@ -145,13 +160,17 @@ class SceneLightSettings(Settings):
     @model_validator(mode="after")
     def _check(self) -> Self:
         named = [name for name in ("file", "stream", "field", "grid") if getattr(self, name) is not None]
+        if self.file is not None and self.file.suffix.lower() in LINE_SUFFIXES and "stream" in named:
+            named.remove("stream")  # which of those that were recorded
         if not named or len([name for name in named if name != "grid"]) > 1 or {"field", "grid"} <= set(named):
             found = " and ".join(named) or "none of them"
             words = "give file, stream, field, grid, or grid and one of the first two, not {found}"
             raise PydanticCustomError("light", words, {"found": found})
+        if self.frame is not None and self.file is None:
+            raise PydanticCustomError("light", "frame is that of a recorded file: name the file")
         if self.gradients is not None and named not in (["stream"], ["field"]):
             raise PydanticCustomError("light", "gradients are those of a stream or a field, without a grid")
-        if self.probe_at is not None and len(named) != 2 and not (self.stream is not None and self.gradients):
+        if self.probe_at is not None and len(named) != 2 and not (named == ["stream"] and self.gradients):
             raise PydanticCustomError(
                 "light", "probe_at needs a grid and a file or a stream, or a stream with gradients = true"
             )

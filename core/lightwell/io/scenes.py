@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from lightwell.conventions import CONVENTIONS, DEFAULT_BANDS, LUMINANCE, bands_of_count
+from lightwell.conventions import DEFAULT_BANDS, LUMINANCE, bands_of_count
 from lightwell.errors import FrameError, LightwellError, MappingError, RenderError
 from lightwell.field.adaptive import AnyGrid
 from lightwell.geometry.mesh import Mesh, make_mesh
@@ -23,6 +23,7 @@ from lightwell.gradients.interpolate import SampleSet
 from lightwell.io.grids import open_grid
 from lightwell.io.meshes import load_meshes
 from lightwell.io.pictures import read_picture
+from lightwell.io.recordings import open_recording, read_recorded_picture
 from lightwell.probe.factory import make_mapping
 from lightwell.probe.projection import projector
 from lightwell.probe.samples import repair
@@ -43,7 +44,6 @@ from lightwell.scene_settings import (
 )
 from lightwell.settings import WindowSettings, complaint
 from lightwell.sh.basis import Y00
-from lightwell.sh.engines import convert
 from lightwell.sh.window import WindowStage, apply_window, fixed_window
 from lightwell.transfer.compute import compute_transfer
 from lightwell.transfer.directions import make_directions
@@ -333,20 +333,20 @@ class SceneLoader:
     def _probe(self, settings: SceneLightSettings) -> tuple[Floats, NDArray[np.floating] | None]:
         """Return the coefficients of a file or a stream, and the picture where there is one."""
         picture: NDArray[np.floating] | None = None
-        if settings.stream is not None:
+        if settings.file is None:
+            assert settings.stream is not None
             coefficients = self._require_server("stream").stream(settings.stream)
         else:
-            assert settings.file is not None
-            path = self.path(settings.file)
-            if path.suffix.lower() == ".json":
-                coefficients = self._coefficients_of(path)
+            found = self._recorded(settings, self.path(settings.file))
+            if found.ndim == 2:
+                coefficients = np.asarray(found, np.float64)
             else:
-                picture = self._picture(path)
+                picture = found
                 bands = settings.bands or DEFAULT_BANDS
                 try:
                     mapping = make_mapping(settings.mapping, *picture.shape[:2])
                 except MappingError as error:
-                    raise RenderError(f"{self.where}.mapping: {path}: {error}") from None
+                    raise RenderError(f"{self.where}.mapping: {settings.file}: {error}") from None
                 coefficients = projector(mapping, bands, "solid-angle", settings.mapping.blind).project(picture)
                 if settings.mapping.kind != "latlong":
                     picture = Unwrapper(mapping, UNWRAPPED_WIDTH)(np.ascontiguousarray(picture))
@@ -402,7 +402,7 @@ class SceneLoader:
 
     def _place(self, settings: SceneLightSettings) -> tuple[float, float, float] | None:
         """Return where the live probe stands, as far as anybody says."""
-        if settings.probe_at is not None or settings.stream is None:
+        if settings.probe_at is not None or settings.file is not None or settings.stream is None:
             return settings.probe_at
         return self._require_server("stream").position(settings.stream)
 
@@ -426,27 +426,19 @@ class SceneLoader:
         except FrameError as error:
             raise RenderError(f"{self.where}.file: {path}: {error.reason}") from None
 
-    def _coefficients_of(self, path: Path) -> Floats:
-        """Return the coefficients of a JSON document that `project`, `watch` or the REST API has printed."""
+    def _recorded(self, settings: SceneLightSettings, path: Path) -> NDArray[np.floating]:
+        """Return a file's coefficients ``(bands², 3)``, or its picture ``(H, W, 3)``, of the frame asked for."""
         try:
-            lines = path.read_text("utf-8").strip()
-            try:
-                document = json.loads(lines)
-            except json.JSONDecodeError:
-                document = json.loads(lines.splitlines()[-1])  # of `watch`, the newest
-            rows = np.array(document["coefficients"], dtype=np.float64)
-            convention = document.get("convention", "lightwell")
-            if rows.ndim != 2 or rows.shape[1] != 3 or not np.isfinite(rows).all():
-                raise ValueError(f"coefficients have the shape {rows.shape}, bands² finite rows of r, g, b are needed")
-            if convention not in CONVENTIONS:
-                raise ValueError(f"convention {convention!r} is none of {', '.join(CONVENTIONS)}")
-            return convert(rows, "lightwell", convention)
-        except OSError as error:
-            raise RenderError(f"{self.where}.file: {path}: cannot be read: {error.strerror}") from None
-        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-            raise RenderError(
-                f"{self.where}.file: {path}: holds no light ({error}); write it with `lightwell project --json`"
-            ) from None
+            recording = open_recording(str(path), settings.video, settings.stream)
+            default = 0 if recording.coefficients is None else -1
+            index = recording.frame(default if settings.frame is None else settings.frame)
+            if recording.coefficients is not None:
+                return recording.light_at(index)
+            return repair(read_recorded_picture(*recording.pictures[index], settings.video))
+        except FrameError as error:
+            raise RenderError(f"{self.where}.file: {path}: {error.reason}") from None
+        except LightwellError as error:
+            raise RenderError(f"{self.where}.file: {error}") from None
 
     def _transferred(self, name: str) -> list[tuple[Mesh, NDArray[np.floating]]]:
         path = self.path(Path(name))

@@ -100,6 +100,14 @@ class Video:
         """Let `frames` begin at the beginning again."""
         self._container.seek(0)
 
+    def times(self) -> NDArray[np.float64]:
+        """Return when each picture is shown, ``(n,)`` rising seconds, without decoding any; then `rewind`."""
+        shown = [packet.pts for packet in self._container.demux(self._stream) if packet.size and not packet.is_discard]
+        base = self._stream.time_base
+        if base is None or any(pts is None for pts in shown):
+            return np.arange(len(shown)) / float(self.rate)
+        return np.sort(np.array(shown, np.float64)) * float(base)
+
     def frames(self) -> Iterator[tuple[int, VideoFrame] | FrameError]:
         """Yield number and picture of what follows; one that is damaged is an error, and counts."""
         number = 0

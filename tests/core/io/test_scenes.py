@@ -382,8 +382,11 @@ def test_mistakes_name_the_file_and_the_field(changes: dict[str, Any], message: 
     ("changes", "message"),
     [
         ({"light": {"file": "none.exr"}}, "s.toml: light.file: .*none.exr: does not exist"),
-        ({"light": {"file": "none.json"}}, "s.toml: light.file: .*none.json: cannot be read: No such file"),
-        ({"light": {"file": "bad.json"}}, r"bad.json: holds no light .*write it with `lightwell project --json`"),
+        ({"light": {"file": "none.json"}}, "s.toml: light.file: .*none.json: does not exist"),
+        (
+            {"light": {"file": "bad.json"}},
+            r"bad.json: line 1: holds no light .*write it with `lightwell project --json`",
+        ),
         ({"light": {"file": "light.json", "bands": 4}}, "s.toml: light.bands = 4: this light has 3"),
         ({"light": {"grid": "./nothing"}}, "nothing: is no grid"),
         ({"light": {"file": "\0.exr"}}, "null character"),
