@@ -1,4 +1,4 @@
-"""A scene of `lightwell.igi` by Mitsuba 3: matte surfaces and lamps, all bounces."""
+"""A scene of `lightwell.igi` by Mitsuba 3: matte surfaces, emissive ones and a sky, all bounces."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from tests.support.mitsuba_pictures import import_mitsuba, sensor
+from tests.support.mitsuba_pictures import ENLARGE, WORLD_FROM_ENVMAP, import_mitsuba, sensor
 
 from lightwell.igi import IgiScene
 from lightwell.render import Camera
@@ -17,13 +17,20 @@ from lightwell.render import Camera
 def room_path_traced(
     scene: IgiScene, camera: Camera, size: tuple[int, int], samples: int, folder: Path, depth: int = -1
 ) -> NDArray[np.float64]:
-    """``(H, W, 3)`` radiance. Winding must be that of the normals: Mitsuba lights what is wound counter-clockwise."""
+    """``(H, W, 3)`` radiance, under a sky black where nothing is. Winding must be that of the normals, as Mitsuba has it."""
     mi = import_mitsuba()
     made: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": depth, "rr_depth": 8},
+        "integrator": {"type": "path", "max_depth": depth, "rr_depth": 8, "hide_emitters": scene.sky is not None},
         "camera": sensor(mi, camera, size, samples),
     }
+    if scene.sky is not None:
+        pixels = scene.sky.pixels.repeat(ENLARGE, 0).repeat(ENLARGE, 1)
+        made["sky"] = {
+            "type": "envmap",
+            "bitmap": mi.Bitmap(np.ascontiguousarray(pixels[:, ::-1])),
+            "to_world": mi.ScalarTransform4f(WORLD_FROM_ENVMAP),
+        }
     for number, item in enumerate(scene.objects):
         mesh, material = item.mesh, item.material
         assert material.base is not None

@@ -22,8 +22,7 @@ def path_counts(total: int, reflectivity: float, bounces: int, direct: bool, set
     """Return how many of ``total`` lights are direct, and how many paths reach each bounce.
 
     ``direct``: whether there are sources whose direct light is by samples (`DIRECT_LIGHTS` for each path that starts);
-    else all are for bounces. Where there are enough, as many reach a bounce for each of the ``sets``: with unlike
-    numbers of lights the sets would not be as bright as each other.
+    else all are for bounces. Counts go by whole ``sets`` where they can (`in_sets`).
     """
     series = [reflectivity**k for k in range(1, bounces + 1)]
     share = sum(series) + (DIRECT_LIGHTS if direct else 0)
@@ -31,8 +30,16 @@ def path_counts(total: int, reflectivity: float, bounces: int, direct: bool, set
         return 0, []
     paths = total / share
     counts = [int(factor * paths) for factor in series]
-    reaching = [count - count % sets if count >= sets else count for count in counts if count > 0]
+    reaching = [in_sets(count, sets) for count in counts if count > 0]
     return (total - sum(reaching) if direct else 0), reaching
+
+
+def in_sets(count: int, sets: int) -> int:
+    """Return a count of which every set gets as many, or the same where there are too few.
+
+    With unlike numbers of lights the sets would not be as bright as each other.
+    """
+    return count - count % sets if count >= sets else count
 
 
 def trace(surfaces: Surfaces, rays: Rays, numbers: Floats, reaching: list[int], clamp: float) -> list[VirtualLights]:
@@ -48,6 +55,8 @@ def trace(surfaces: Surfaces, rays: Rays, numbers: Floats, reaching: list[int], 
         How many paths reach each bounce; falling.
     clamp
         As in `IgiSettings`: a light stands for a part of the whole scene's area.
+
+    Paths that meet nothing, a back or something black are lost: of such there may be fewer lights than paths.
     """
     found: list[VirtualLights] = []
     alive: NDArray[np.int64] = np.arange(len(rays.flux))
@@ -64,9 +73,12 @@ def trace(surfaces: Surfaces, rays: Rays, numbers: Floats, reaching: list[int], 
         normals = points.geometric[front].astype(np.float64)
         places = points.position[front] + surfaces.lift * normals
         flux = flux.copy()
+        # A light stands for its part of the surface; paths that are lost are lost to lights.
+        least = clamp**2 * surfaces.area / (np.pi * max(len(alive), 1))
         # Of the lobe only its reflectivity is known to a matte light.
         flux[alive] *= (points.kd + points.ks)[front]
-        least = clamp**2 * surfaces.area / (np.pi * count)
+        shines = flux[alive].any(axis=1)
+        alive, places, normals = alive[shines], places[shines], normals[shines]
         found.append(make_lights(SURFACE, places, normals, flux[alive] / count, least=least, direct=False))
         if bounce + 1 < len(reaching):
             origins, directions = origins.copy(), directions.copy()

@@ -31,10 +31,13 @@ def halton(count: int, dimensions: int, seed: int) -> NDArray[np.float64]:
         random = np.random.default_rng([seed, axis])
         rest = np.arange(count)
         scale = 1.0
+        largest = count - 1
         # Digits of finer places than a float32 shows are not worth their time.
         while scale > 2.0**-32:
             scale /= base
-            points[:, axis] += random.permutation(base)[rest % base] * scale
-            rest //= base
+            digits = random.permutation(base)
+            # Beyond the digits of the largest number all are zero.
+            points[:, axis] += (digits[rest % base] if largest > 0 else digits[0]) * scale
+            rest, largest = rest // base if largest > 0 else rest, largest // base
     # Permuted digits may all be the largest.
     return np.minimum(points, np.nextafter(1.0, 0.0))

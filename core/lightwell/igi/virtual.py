@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lightwell.igi.bounce import path_counts, trace
+from lightwell.igi.bounce import in_sets, path_counts, trace
 from lightwell.igi.boundary import Boundary
 from lightwell.igi.emit import EmissiveSurfaces, Lamp
 from lightwell.igi.lights import LightSets, VirtualLights, arrange, join, take
@@ -17,6 +17,8 @@ from lightwell.igi_settings import IgiSettings
 
 EVEN = 0.5
 """Share of the samples that all sources get alike; the rest goes by their power."""
+MOST_MORE, MOST_PATHS = 32.0, 1 << 17
+"""Where paths are lost, no more than so many times as many are sent, and so many at all."""
 MOST_REFLECTIVE = 0.95
 """Mean reflectivity counts as no more: paths have to end."""
 
@@ -28,18 +30,41 @@ def make_virtual_lights(scene: IgiScene, surfaces: Surfaces, settings: IgiSettin
     sampled = [source for source in sources if source.is_sampled]
     reflectivity = min(surfaces.mean_reflectivity(), MOST_REFLECTIVE)
     bounces = settings.bounces if sources and len(surfaces.areas) else 0
-    direct, reaching = path_counts(
-        settings.vpls, reflectivity, bounces, bool(sampled), settings.sets[0] * settings.sets[1]
-    )
-    dimensions = RAY_NUMBERS + 2 * max(len(reaching) - 1, 0)
-    numbers = halton(max([direct, *reaching[:1]], default=0), dimensions, settings.seed)
+    sets = settings.sets[0] * settings.sets[1]
+    direct, reaching = path_counts(settings.vpls, reflectivity, bounces, bool(sampled), sets)
     lists: list[VirtualLights] = []
-    if direct:
-        lists.append(_direct(sampled, numbers[:direct, :POSITION_NUMBERS], settings.clamp))
     if reaching:
-        rays = _rays(sources, numbers[: reaching[0], :RAY_NUMBERS])
-        lists += trace(surfaces, rays, numbers, reaching, settings.clamp)
+        lists = _bounced(sources, surfaces, reaching, settings)
+    if direct:
+        # What the paths leave of the lights; some are for the sources in any case.
+        left = settings.vpls - sum(lights.count for lights in lists)
+        numbers = halton(in_sets(max(left, -(-direct // 2)), sets), POSITION_NUMBERS, settings.seed)
+        lists = [_direct(sampled, numbers, settings.clamp), *lists]
     return arrange(lists, join([lamp.light for lamp in lamps]), settings.sets, settings.seed)
+
+
+def _bounced(
+    sources: list[Source], surfaces: Surfaces, reaching: list[int], settings: IgiSettings
+) -> list[VirtualLights]:
+    """Return lights after bounces, in all about as many as are to be ``reaching`` them.
+
+    In the open most paths miss everything. They cost next to nothing beside what a light costs at all pixels, so that
+    as many more are sent as it takes.
+    """
+    found = _traced(sources, surfaces, reaching, settings)
+    wanted, landed = sum(reaching), sum(lights.count for lights in found)
+    more = min(wanted / max(landed, 1), MOST_MORE, max(MOST_PATHS / reaching[0], 1.0))
+    if not landed or more == 1:
+        return found
+    sets = settings.sets[0] * settings.sets[1]
+    return _traced(sources, surfaces, [in_sets(int(count * more), sets) for count in reaching], settings)
+
+
+def _traced(
+    sources: list[Source], surfaces: Surfaces, reaching: list[int], settings: IgiSettings
+) -> list[VirtualLights]:
+    numbers = halton(reaching[0], RAY_NUMBERS + 2 * (len(reaching) - 1), settings.seed)
+    return trace(surfaces, _rays(sources, numbers[:, :RAY_NUMBERS]), numbers, reaching, settings.clamp)
 
 
 def _sampled(scene: IgiScene, surfaces: Surfaces) -> list[Source]:
