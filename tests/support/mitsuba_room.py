@@ -17,7 +17,7 @@ from lightwell.render import Camera
 def room_path_traced(
     scene: IgiScene, camera: Camera, size: tuple[int, int], samples: int, folder: Path, depth: int = -1
 ) -> NDArray[np.float64]:
-    """``(H, W, 3)`` radiance, under a sky black where nothing is. Winding must be that of the normals, as Mitsuba has it."""
+    """``(H, W, 3)`` radiance, under a sky black where nothing is. Winding must be that of the normals."""
     mi = import_mitsuba()
     made: dict[str, Any] = {
         "type": "scene",
