@@ -22,7 +22,8 @@ from lightwell.geometry.mesh import Mesh, make_mesh
 from lightwell.geometry.rays import RayScene
 from lightwell.geometry.shapes import box, plane
 from lightwell.igi import IgiMaterial, IgiObject, IgiScene, Texture, render_igi
-from lightwell.igi.render import IgiRenderer, cut
+from lightwell.igi.render import IgiRenderer
+from lightwell.igi.rendering import cut
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.meshes import load_meshes
 from lightwell.render import Camera

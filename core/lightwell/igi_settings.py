@@ -55,6 +55,13 @@ class IgiSettings(Settings):
         " shading normals or (irradiance-strict) where they agree, or nothing (none)",
     )
     window: int = Field(1, ge=1, le=4, description="width of the filter, in widths of the pattern of sets")
+    passes: int = Field(
+        2,
+        ge=1,
+        le=3,
+        description="how often the filter goes over the picture: 1 is the paper's box, which shows as squares near"
+        " virtual lights, 2 a tent",
+    )
     kernel: IgiKernel = Field(
         "nonneg", description="weights of the bands for matte surfaces: never negative (nonneg), or as they are (none)"
     )

@@ -16,7 +16,8 @@ same surface, so that each pixel can then be shaded with its own normal and mate
 """
 
 from lightwell.igi.materials import IgiMaterial
-from lightwell.igi.render import IgiRenderer, IgiRendering, render_igi
+from lightwell.igi.render import IgiRenderer, render_igi
+from lightwell.igi.rendering import IgiRendering
 from lightwell.igi.scene import DirectionalLight, IgiObject, IgiScene, PointLight
 from lightwell.igi.sky import Sky, sky_of_harmonics
 from lightwell.igi.textures import Texture, linear_from_srgb

@@ -4,15 +4,21 @@ A window of k n × k m pixels holds each of the n × m sets k² times, wherever 
 the same smooth surface as the pixel i: the geometric normals are less than 25° apart, and j is in the plane of i,
 within `PLANE_TOLERANCE` of i's depth. Bumps and normal maps do not matter: coefficients of incident radiance do not
 depend on them. Irradiance does, which is why its filter has a choice between two evils (`IgiFilter`).
+
+One pass, as in the paper, shows the window as squares, where what a set brings changes from one of its pixels to the
+next. A second one, mirrored since windows of even width have no middle, makes a tent of it where a surface goes on: all
+sets still count alike, and the light of each is interpolated between its pixels.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from lightwell.igi_settings import IgiSettings
 
 SAME_NORMAL = float(np.cos(np.radians(25)))
 PLANE_TOLERANCE = 0.015
@@ -21,10 +27,29 @@ STRICT_NORMAL = float(np.cos(np.radians(8)))
 """Of shading normals, where irradiance is filtered strictly."""
 
 
-def margins(pattern: tuple[int, int], widths: int) -> tuple[int, int, int, int]:
-    """Return how many pixels the window reaches to the left, the right, up and down."""
-    width, height = widths * pattern[0], widths * pattern[1]
-    return width // 2, width - 1 - width // 2, height // 2, height - 1 - height // 2
+class Reach(NamedTuple):
+    """How many pixels a window reaches beyond its own."""
+
+    left: int
+    right: int
+    up: int
+    down: int
+
+
+def windows(settings: IgiSettings) -> list[Reach]:
+    """Return the window of each pass of the filter; none where nothing is filtered."""
+    if settings.filter == "none":
+        return []
+    width, height = (settings.window * side for side in settings.sets)
+    first = Reach(width // 2, width - 1 - width // 2, height // 2, height - 1 - height // 2)
+    mirrored = Reach(first.right, first.left, first.down, first.up)
+    return [mirrored if index % 2 else first for index in range(settings.passes)]
+
+
+def margins(settings: IgiSettings) -> Reach:
+    """Return how many pixels around a tile its own depend on."""
+    found = windows(settings)
+    return Reach(*(sum(reach[side] for reach in found) for side in range(4)))
 
 
 @njit(cache=True, nogil=True)
@@ -86,7 +111,7 @@ def filtered(
     geometric: NDArray[np.floating],
     shading: NDArray[np.floating],
     depth: NDArray[np.floating],
-    reach: tuple[int, int, int, int],
+    reach: Reach,
     strict: bool = False,
 ) -> NDArray[Any]:
     """Return the means, ``(H', W', C)``: the rectangle without its margins. Arguments as in `filter_rows`."""

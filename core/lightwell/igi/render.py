@@ -5,69 +5,23 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.igi.filter import filtered, margins
+from lightwell.igi.filter import Reach, filtered, margins, windows
 from lightwell.igi.gather import Gatherer
 from lightwell.igi.gbuffer import GBuffer, look, require_outside
+from lightwell.igi.rendering import TILE, IgiRendering, Tile, assemble, cut
 from lightwell.igi.scene import IgiScene
 from lightwell.igi.shade import Responses, responses
+from lightwell.igi.subpixels import ELSEWHERE, own_pixels, pixel_means, strips, window_means
 from lightwell.igi.surfaces import Singles, Surfaces
 from lightwell.igi.virtual import make_virtual_lights
 from lightwell.igi_settings import IgiSettings
 from lightwell.render.camera import Camera, require_size
-
-TILE = 128
-"""Pixels along each side of a tile, unless it is said."""
-
-
-class Tile(NamedTuple):
-    """A rectangle of pixels: rows ``top … bottom − 1``, columns ``left … right − 1``."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-
-@dataclass(frozen=True, eq=False)
-class IgiRendering:
-    """A picture or a tile of one, ``(H, W, …)`` float32, row 0 is the top; layers that were not asked for are None."""
-
-    colour: Singles
-    """``(H, W, 3)`` linear radiance, Rec. 709: the sky where nothing is seen, black where there is none."""
-    coverage: Singles
-    """``(H, W)``: 1 where there is a surface, else 0."""
-    normal: Singles | None
-    """``(H, W, 3)`` unit normals that materials go by, world axes; zero where nothing is seen."""
-    depth: Singles | None
-    """``(H, W)`` metres along the viewing axis; infinite where nothing is seen."""
-    albedo: Singles | None
-    """``(H, W, 3)``: reflectivity, of the matte part and the lobe together; zero where nothing is seen."""
-    direct: Singles | None
-    """``(H, W, 3)``: emission, reflected light of lamps and sky, and the sky itself; with `indirect` the colour."""
-    indirect: Singles | None
-    """``(H, W, 3)``: reflected light that has been reflected before."""
-    set: NDArray[np.uint16] | None
-    """``(H, W)``: which set of lights was the pixel's own."""
-    coefficients: Singles | None
-    """``(H, W, bands², 3)``: incident radiance after the filter; with the filters of irradiance, before them."""
-    arrived: float
-    """Light that arrived at the pixels, summed over lights and channels, with what the filter needs around them."""
-    clamped: float
-    """What would have come on top without the clamp."""
-    rays: int
-    """Shadow rays."""
-
-    @property
-    def clamp_bias(self) -> float:
-        """Share of the light that the clamp takes away."""
-        whole = self.arrived + self.clamped
-        return self.clamped / whole if whole > 0 else 0.0
+from lightwell.scene_settings import MAX_SAMPLES
 
 
 class IgiRenderer:
@@ -83,70 +37,115 @@ class IgiRenderer:
         self._groups = 2 if {"direct", "indirect"} & set(settings.layers) else 1
 
     def tile(
-        self, camera: Camera, size: tuple[int, int], tile: Tile, check: Callable[[], None] | None = None
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        tile: Tile,
+        check: Callable[[], None] | None = None,
+        samples: int = 1,
     ) -> IgiRendering:
         """Return a tile of a picture; its pixels are the same, to the last bit, in whatever tiles that is cut.
 
-        ``check`` is called every few milliseconds; what it raises ends the work.
+        ``check`` is called every few milliseconds; what it raises ends the work. ``samples`` as in `render_igi`.
         """
         settings = self.settings
-        left, right, up, down = reach = self._reach()
-        rows, columns = (tile.top - up, tile.bottom + down), (tile.left - left, tile.right + right)
+        reach = margins(settings)
+        rows, columns = (
+            (tile.top - reach.up, tile.bottom + reach.down),
+            (tile.left - reach.left, tile.right + reach.right),
+        )
         wide = look(self.surfaces, camera, size, rows, columns)
         gathered = self._gatherer.gather(
             wide.place, wide.geometric, wide.seen, (columns[0], rows[0]), self._groups, check
         )
-        inner = _inner(wide, reach)
-        coefficients = gathered.coefficients
+        raw = gathered.coefficients
+        arrived, clamped, rays = gathered.arrived, gathered.clamped, gathered.rays
         if settings.filter == "sh":
-            coefficients = self._filter(coefficients, wide, reach, strict=False)
-            received = self._receive(coefficients, inner)
+            last = self._filter(raw, wide)
+            inner, coefficients = last.inner, last.after
+            if samples == 1:
+                lit = self._lit(inner, self._receive(coefficients, inner))
+            else:
+                lit, more = self._by_subpixels(camera, size, tile, samples, last)
+                arrived, clamped, rays = arrived + more.arrived, clamped + more.clamped, rays + more.rays
         else:
-            received = self._receive(coefficients, wide)
-            coefficients = coefficients[up : coefficients.shape[0] - down, left : coefficients.shape[1] - right]
-            if settings.filter != "none":
-                both = np.stack(received, axis=2)
-                both = self._filter(both, wide, reach, strict=settings.filter == "irradiance-strict")
-                received = Responses(both[:, :, 0], both[:, :, 1])
-        reflected = inner.kd[:, :, None] * received.matte + inner.ks[:, :, None] * received.lobe
-        direct = inner.emission + reflected[:, :, 0]
-        if self._sky is not None and not inner.seen.all():
-            direct[~inner.seen] = self._sky.radiance(inner.view[~inner.seen].astype(np.float64))
+            last = self._filter(np.stack(self._receive(raw, wide), axis=2), wide)
+            inner, coefficients = last.inner, _within(raw, reach)
+            lit = self._lit(inner, Responses(last.after[:, :, 0], last.after[:, :, 1]))
         wanted = set(settings.layers)
         n, m = settings.sets
         turn = np.arange(tile.left, tile.right) % n + n * (np.arange(tile.top, tile.bottom) % m)[:, None]
         return IgiRendering(
-            direct + reflected[:, :, 1] if self._groups == 2 else direct,
-            inner.seen.astype(np.float32),
+            lit.direct + lit.indirect,
+            lit.behind,
+            lit.coverage,
             inner.shading if "normal" in wanted else None,
             inner.depth if "depth" in wanted else None,
-            inner.kd + inner.ks if "albedo" in wanted else None,
-            direct if "direct" in wanted else None,
-            reflected[:, :, 1] if "indirect" in wanted else None,
+            lit.albedo if "albedo" in wanted else None,
+            lit.direct if "direct" in wanted else None,
+            lit.indirect if "indirect" in wanted else None,
             turn.astype(np.uint16) if "set" in wanted else None,
             coefficients.sum(axis=2) if "coefficients" in wanted else None,
-            gathered.arrived,
-            gathered.clamped,
-            gathered.rays,
+            arrived,
+            clamped,
+            rays,
         )
 
-    def _reach(self) -> tuple[int, int, int, int]:
-        if self.settings.filter == "none":
-            return 0, 0, 0, 0
-        return margins(self.settings.sets, self.settings.window)
+    def _filter(self, values: Singles, pixels: GBuffer) -> _LastPass:
+        """Filter values ``(H, W, …)`` of a rectangle with margins."""
+        strict = self.settings.filter == "irradiance-strict"
+        found = _LastPass(pixels, Reach(0, 0, 0, 0), values, pixels, values)
+        for reach in windows(self.settings):
+            now, before = found.inner, found.after
+            flat = before.reshape(*before.shape[:2], -1)
+            means = filtered(flat, now.seen, now.place, now.geometric, now.shading, now.depth, reach, strict)
+            after = means.reshape(*means.shape[:2], *values.shape[2:])
+            found = _LastPass(now, reach, before, _inner(now, reach), after)
+        return found
 
-    def _filter(self, values: Singles, wide: GBuffer, reach: tuple[int, int, int, int], strict: bool) -> Singles:
-        """Return the filtered values ``(H', W', …)`` of ``(H, W, …)``."""
-        flat = values.reshape(*values.shape[:2], -1)
-        means = filtered(flat, wide.seen, wide.place, wide.geometric, wide.shading, wide.depth, reach, strict)
-        return means.reshape(*means.shape[:2], *values.shape[2:])
+    def _by_subpixels(
+        self, camera: Camera, size: tuple[int, int], tile: Tile, samples: int, centres: _LastPass
+    ) -> tuple[_Lit, _Sums]:
+        """Return the means over N × N rays a pixel, and what was gathered for rays on no pixel's surface."""
+        height, width = tile.bottom - tile.top, tile.right - tile.left
+        before = centres.before.reshape(*centres.before.shape[:2], -1)
+        parts: list[_Lit] = []
+        sums = _Sums(0.0, 0.0, 0)
+        for first, last in strips(height, width, samples):
+            rows = (tile.top + first) * samples, (tile.top + last) * samples
+            columns = tile.left * samples, tile.right * samples
+            fine = look(self.surfaces, camera, (size[0] * samples, size[1] * samples), rows, columns)
+            pixels = _part(centres.inner, slice(first, last), slice(None))
+            own = own_pixels(fine, pixels, samples)
+            elsewhere = np.flatnonzero(own == ELSEWHERE)
+            means, found = window_means(before, centres.pixels, fine, elsewhere, samples, centres.reach, first)
+            if not found.all():
+                alone = np.zeros(fine.seen.size, np.bool_)
+                alone[elsewhere[~found]] = True
+                gathered = self._gatherer.gather(
+                    fine.place, fine.geometric, alone.reshape(fine.seen.shape), (columns[0], rows[0]), self._groups
+                )
+                means[~found] = gathered.coefficients.reshape(fine.seen.size, -1)[elsewhere[~found]]
+                sums = _Sums(
+                    sums.arrived + gathered.arrived, sums.clamped + gathered.clamped, sums.rays + gathered.rays
+                )
+            table = centres.after[first:last].reshape(-1, *centres.after.shape[2:])
+            own[elsewhere] = len(table) + np.arange(len(elsewhere))
+            table = np.concatenate([table, means.reshape(len(means), *table.shape[1:])])
+            lit = self._lit(fine, self._respond(table, fine, own))
+            parts.append(_Lit(*(pixel_means(layer, samples) for layer in lit)))
+        return _Lit(*(np.concatenate(layers) for layers in zip(*parts, strict=True))), sums
 
     def _receive(self, coefficients: Singles, seen: GBuffer) -> Responses:
-        """Return what surfaces get, ``(H, W, G, 3)``; zero where nothing is seen."""
+        """Return what surfaces get, ``(H, W, G, 3)``, of coefficients ``(H, W, G, bands², 3)``; zero where none is."""
         # Pixels without a surface have no coefficients and no lobe.
+        return self._respond(coefficients.reshape(seen.seen.size, *coefficients.shape[2:]), seen, None)
+
+    def _respond(self, table: Singles, seen: GBuffer, rows: NDArray[np.int64] | None) -> Responses:
+        """Return what surfaces get, ``(H, W, G, 3)``; ``table`` and ``rows`` as in `lightwell.igi.shade.respond`."""
         count = seen.seen.size
         matte, lobe = responses(
-            coefficients.reshape(count, *coefficients.shape[2:]),
+            table,
             seen.shading.reshape(count, 3),
             seen.view.reshape(count, 3),
             seen.geometric.reshape(count, 3),
@@ -154,40 +153,52 @@ class IgiRenderer:
             np.asarray(seen.ks.reshape(count, 3).max(axis=1) > 0),
             self.settings.kernel,
             self.settings.bands,
+            rows,
         )
-        shape = (*seen.seen.shape, coefficients.shape[2], 3)
+        shape = (*seen.seen.shape, table.shape[1], 3)
         return Responses(matte.reshape(shape), lobe.reshape(shape))
 
+    def _lit(self, seen: GBuffer, received: Responses) -> _Lit:
+        """Return what goes to the eye."""
+        reflected = seen.kd[:, :, None] * received.matte + seen.ks[:, :, None] * received.lobe
+        behind = np.zeros_like(seen.emission)
+        if self._sky is not None and not seen.seen.all():
+            behind[~seen.seen] = self._sky.radiance(seen.view[~seen.seen].astype(np.float64))
+        indirect = reflected[:, :, 1] if self._groups == 2 else np.zeros_like(behind)
+        direct = seen.emission + reflected[:, :, 0]
+        return _Lit(direct, indirect, behind, seen.seen.astype(np.float32), seen.kd + seen.ks)
 
-def cut(size: tuple[int, int], side: int = TILE) -> list[Tile]:
-    """Return the tiles of a picture, row by row; those at the right and lower edges may be smaller."""
-    width, height = size
-    return [
-        Tile(top, min(top + side, height), left, min(left + side, width))
-        for top in range(0, height, side)
-        for left in range(0, width, side)
-    ]
+
+class _Lit(NamedTuple):
+    """Radiance that goes to the eye, and what has its means over rays besides; as in `IgiRendering`."""
+
+    direct: Singles
+    indirect: Singles
+    behind: Singles
+    coverage: Singles
+    albedo: Singles
 
 
-def assemble(size: tuple[int, int], parts: list[tuple[Tile, IgiRendering]]) -> IgiRendering:
-    """Return a picture of all its tiles."""
-    width, height = size
-    layers: dict[str, NDArray[Any] | None] = {}
-    for name in ("colour", "coverage", "normal", "depth", "albedo", "direct", "indirect", "set", "coefficients"):
-        example = getattr(parts[0][1], name)
-        if example is None:
-            layers[name] = None
-            continue
-        whole = np.empty((height, width, *example.shape[2:]), example.dtype)
-        for tile, part in parts:
-            whole[tile.top : tile.bottom, tile.left : tile.right] = getattr(part, name)
-        layers[name] = whole
-    return IgiRendering(
-        **layers,  # type: ignore[arg-type]
-        arrived=sum(part.arrived for _, part in parts),
-        clamped=sum(part.clamped for _, part in parts),
-        rays=sum(part.rays for _, part in parts),
-    )
+class _LastPass(NamedTuple):
+    """What the last pass of the filter makes of what the centres of pixels get."""
+
+    pixels: GBuffer
+    """What they see, with the margins of this pass."""
+    reach: Reach
+    before: Singles
+    """``(H, W, …)``, with those margins."""
+    inner: GBuffer
+    """Without them."""
+    after: Singles
+    """``(H', W', …)``, without them."""
+
+
+class _Sums(NamedTuple):
+    """As in `IgiRendering`."""
+
+    arrived: float
+    clamped: float
+    rays: int
 
 
 def render_igi(
@@ -199,6 +210,7 @@ def render_igi(
     check: Callable[[], None] | None = None,
     tile: int = TILE,
     threads: int | None = None,
+    samples: int = 1,
 ) -> IgiRendering:
     """Render a picture.
 
@@ -218,23 +230,28 @@ def render_igi(
         Pixels along each side of a tile: more take more memory and do less work twice.
     threads
         How many work at once; by default as many as there are cores.
+    samples
+        N: a pixel is the mean of N² rays, which share the incident radiance of its centre (`lightwell.igi.subpixels`).
+        With another filter than ``sh`` a pixel is one ray.
 
     Raises
     ------
     ValueError
-        Where the size is out of range.
+        Where the size or ``samples`` is out of range.
     RenderError
         Where the camera stands inside an object.
     """
     require_size(size)
     if tile < 1:
         raise ValueError(f"tile = {tile} must be at least 1")
+    if not 1 <= samples <= MAX_SAMPLES:
+        raise ValueError(f"samples = {samples} must lie between 1 and {MAX_SAMPLES}")
     renderer = IgiRenderer(scene, settings)
     require_outside(renderer.surfaces, camera)
     tiles = cut(size, tile)
     parts: list[tuple[Tile, IgiRendering]] = []
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        futures = [pool.submit(renderer.tile, camera, size, one, check) for one in tiles]
+        futures = [pool.submit(renderer.tile, camera, size, one, check, samples) for one in tiles]
         try:
             for one, future in zip(tiles, futures, strict=True):
                 parts.append((one, future.result()))
@@ -247,8 +264,17 @@ def render_igi(
     return assemble(size, parts)
 
 
-def _inner(wide: GBuffer, reach: tuple[int, int, int, int]) -> GBuffer:
-    """Return the rectangle without its margins."""
-    left, right, up, down = reach
-    rows, columns = slice(up, wide.seen.shape[0] - down), slice(left, wide.seen.shape[1] - right)
-    return GBuffer(*(getattr(wide, name)[rows, columns] for name in GBuffer.__dataclass_fields__))
+def _inner(wide: GBuffer, reach: Reach) -> GBuffer:
+    """Return a rectangle without its margins."""
+    height, width = wide.seen.shape
+    return _part(wide, slice(reach.up, height - reach.down), slice(reach.left, width - reach.right))
+
+
+def _within(values: Singles, reach: Reach) -> Singles:
+    """Return values ``(H, W, …)`` without their margins."""
+    height, width = values.shape[:2]
+    return values[reach.up : height - reach.down, reach.left : width - reach.right]
+
+
+def _part(pixels: GBuffer, rows: slice, columns: slice) -> GBuffer:
+    return GBuffer(*(getattr(pixels, name)[rows, columns] for name in GBuffer.__dataclass_fields__))

@@ -63,20 +63,25 @@ def horizon_table() -> NDArray[np.float64]:
 
 
 @njit(cache=True, nogil=True)
-def respond(coefficients, normals, views, geometric, exponents, glossy, factors, horizon, sharpest, matte, lobe):  # type: ignore[no-untyped-def]
+def respond(coefficients, rows, normals, views, geometric, exponents, glossy, factors, horizon, sharpest, matte, lobe):  # type: ignore[no-untyped-def]
     """Write what n surfaces get of their incident radiance.
 
-    ``coefficients`` (n, G, bands², 3); ``normals, views, geometric`` (n, 3); ``exponents`` (n,); ``glossy`` (n,):
-    whether the lobe is wanted; ``factors`` (bands,) of the matte part; ``horizon``: `horizon_table`. Out: ``matte,
-    lobe`` (n, G, 3), as in `Responses`.
+    ``coefficients`` (K, G, bands², 3), ``rows`` (n,): which are whose, below 0 none; ``normals, views, geometric``
+    (n, 3); ``exponents`` (n,); ``glossy`` (n,): whether the lobe is wanted; ``factors`` (bands,) of the matte part;
+    ``horizon``: `horizon_table`. Out: ``matte, lobe`` (n, G, 3), as in `Responses`; zero where there is no row.
     """
     bands = len(factors)
     basis = np.empty(bands * bands)
     zonal = np.empty(bands)
     for i in range(len(normals)):
+        if rows[i] < 0:
+            matte[i] = 0
+            lobe[i] = 0
+            continue
+        incident = coefficients[rows[i]]
         nx, ny, nz = float(normals[i, 0]), float(normals[i, 1]), float(normals[i, 2])
         basis_at(nx, ny, nz, bands, basis)
-        _sum(coefficients[i], basis, factors, matte[i])
+        _sum(incident, basis, factors, matte[i])
         if not glossy[i]:
             lobe[i] = 0
             continue
@@ -92,7 +97,7 @@ def respond(coefficients, normals, views, geometric, exponents, glossy, factors,
         for degree in range(2, bands):
             zonal[degree] = zonal[degree - 2] * (s - degree + 2) / (s + degree + 1)
         basis_at(rx, ry, rz, bands, basis)
-        _sum(coefficients[i], basis, zonal, lobe[i])
+        _sum(incident, basis, zonal, lobe[i])
         share = _horizon(horizon, s, rx * geometric[i, 0] + ry * geometric[i, 1] + rz * geometric[i, 2], sharpest)
         for group in range(lobe.shape[1]):
             for channel in range(3):
@@ -139,12 +144,14 @@ def responses(
     glossy: NDArray[np.bool_],
     kernel: IgiKernel,
     bands: int,
+    rows: NDArray[np.int64] | None = None,
 ) -> Responses:
-    """Return what surfaces get; arguments as in `respond`."""
+    """Return what surfaces get; arguments as in `respond`, by default each has its own row of the coefficients."""
     shape = (len(normals), coefficients.shape[1], 3)
     matte, lobe = np.empty(shape, coefficients.dtype), np.empty(shape, coefficients.dtype)
     respond(
         coefficients,
+        np.arange(len(normals)) if rows is None else rows,
         normals,
         views,
         geometric,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.errors import RenderError
-from lightwell.igi.render import IgiRendering
+from lightwell.igi.rendering import IgiRendering
 from lightwell.io.files import write_atomically
 from lightwell.io.renders import picture_png, require_format, write_exr_layers
 
@@ -43,16 +43,15 @@ def igi_png(rendering: IgiRendering, ev: float = 0.0, *, tone_mapping: bool = Tr
     """Return a rendering as PNG: RGB with its backdrop, else RGBA where something is not covered."""
     if backdrop or rendering.coverage.min() == 1:
         return picture_png(rendering.colour, None, ev, tone_mapping=tone_mapping)
-    colour = rendering.colour * rendering.coverage[..., None]
-    return picture_png(colour, rendering.coverage, ev, tone_mapping=tone_mapping)
+    return picture_png(rendering.lit, rendering.coverage, ev, tone_mapping=tone_mapping)
 
 
 def igi_layers(rendering: IgiRendering, *, backdrop: bool = True) -> dict[str, NDArray[np.float32]]:
     """Return the channels of an OpenEXR file, ``(H, W)`` float32 each."""
     coverage = rendering.coverage
-    shown = np.ones_like(coverage) if backdrop else coverage
-    found = {channel: rendering.colour[..., i] * shown for i, channel in enumerate("RGB")}
-    found |= {"A": shown, "coverage": coverage}
+    colour, behind = (rendering.colour, rendering.behind) if backdrop else (rendering.lit, np.zeros_like(rendering.lit))
+    found = {channel: colour[..., i] for i, channel in enumerate("RGB")}
+    found |= {"A": np.ones_like(coverage) if backdrop else coverage, "coverage": coverage}
     if rendering.depth is not None:
         found["Z"] = rendering.depth
     if rendering.set is not None:
@@ -60,7 +59,7 @@ def igi_layers(rendering: IgiRendering, *, backdrop: bool = True) -> dict[str, N
     vectors = {
         "normal": ("XYZ", rendering.normal),
         "albedo": ("RGB", rendering.albedo),
-        "direct": ("RGB", None if rendering.direct is None else rendering.direct * shown[..., None]),
+        "direct": ("RGB", None if rendering.direct is None else rendering.direct + behind),
         "indirect": ("RGB", rendering.indirect),
     }
     if rendering.coefficients is not None:

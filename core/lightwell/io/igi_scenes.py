@@ -13,7 +13,7 @@ from lightwell.errors import LightwellError, RenderError
 from lightwell.geometry.mesh import make_mesh
 from lightwell.geometry.shapes import make_shape
 from lightwell.igi.materials import IgiMaterial
-from lightwell.igi.render import IgiRendering
+from lightwell.igi.rendering import IgiRendering
 from lightwell.igi.scene import DirectionalLight, IgiObject, IgiScene
 from lightwell.igi.sky import Sky, sky_of_harmonics
 from lightwell.igi_settings import IgiSettings
@@ -52,7 +52,7 @@ def load_igi_scene(
     server: Server | None = None,
     *,
     where: str = "scene",
-    light: Floats | None = None,
+    light: Floats | Sky | None = None,
 ) -> LoadedIgiScene:
     """Read all that a scene names; its ``method`` must be igi.
 
@@ -67,7 +67,7 @@ def load_igi_scene(
     where
         The scene's name in errors.
     light
-        Coefficients ``(bands², 3)`` of distant light in place of the file's ``[light]``.
+        Distant light in place of the file's ``[light]``: a sky, or coefficients ``(bands², 3)``.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def load_igi_scene(
             remarks.append(f"{within.where}.mirror: is left out; a high gloss and exponent come near it")
     sky, field = None, None
     if light is not None:
-        sky = sky_of_harmonics(light)
+        sky = light if isinstance(light, Sky) else sky_of_harmonics(light)
     elif settings.light is not None:
         sky, field = _light(loader, settings.light, objects)
     if settings.backdrop.file is not None:

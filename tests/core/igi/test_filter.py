@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support import reference_igi
 
-from lightwell.igi.filter import PLANE_TOLERANCE, SAME_NORMAL, STRICT_NORMAL, filtered, margins
+from lightwell.igi.filter import PLANE_TOLERANCE, SAME_NORMAL, STRICT_NORMAL, filtered, margins, windows
+from lightwell.igi_settings import IgiSettings
 
 
 @given(
@@ -20,7 +21,7 @@ from lightwell.igi.filter import PLANE_TOLERANCE, SAME_NORMAL, STRICT_NORMAL, fi
 @settings(max_examples=25, deadline=None)
 def test_means_are_those_of_the_reference(seed: int, pattern: tuple[int, int], widths: int, strict: bool) -> None:
     random = np.random.default_rng(seed)
-    reach = margins(pattern, widths)
+    (reach,) = windows(IgiSettings(sets=pattern, window=widths, passes=1))
     left, right, up, down = reach
     assert (left + right + 1, up + down + 1) == (widths * pattern[0], widths * pattern[1])
     shape = (up + down + 4, left + right + 5)
@@ -37,14 +38,35 @@ def test_means_are_those_of_the_reference(seed: int, pattern: tuple[int, int], w
     np.testing.assert_allclose(got, expected, atol=1e-13)
 
 
+@pytest.mark.parametrize("passes", [1, 2, 3])
 @pytest.mark.parametrize("pattern", [(4, 4), (3, 5)])
-def test_every_window_holds_each_set_as_often(pattern: tuple[int, int]) -> None:
+def test_every_window_holds_each_set_as_often(pattern: tuple[int, int], passes: int) -> None:
     n, m = pattern
-    left, right, up, down = margins(pattern, 1)
+    settings = IgiSettings(sets=pattern, passes=passes)
+    left, right, up, down = margins(settings)
     column, row = np.arange(-left, 9 + right), np.arange(-up, 7 + down)
     turn = column % n + n * (row % m)[:, None]
     values = np.eye(n * m)[turn]
-    shape = turn.shape
-    flat = np.zeros((*shape, 3)), np.tile([0.0, 0, 1], (*shape, 1)), np.ones(shape)
-    got = filtered(values, np.ones(shape, bool), flat[0], flat[1], flat[1], flat[2], (left, right, up, down))
-    np.testing.assert_allclose(got, 1 / (n * m), rtol=1e-14)
+    for reach in windows(settings):
+        shape = values.shape[:2]
+        flat, up_wards = np.zeros((*shape, 3)), np.tile([0.0, 0, 1], (*shape, 1))
+        values = filtered(values, np.ones(shape, bool), flat, up_wards, up_wards, np.ones(shape), reach)
+    assert values.shape == (7, 9, n * m)
+    np.testing.assert_allclose(values, 1 / (n * m), rtol=1e-14)
+
+
+def test_two_passes_are_a_tent() -> None:
+    settings = IgiSettings(sets=(4, 4))
+    left, right, _, _ = margins(settings)
+    assert left == right == 3
+    values = np.zeros((7, 7, 1))
+    values[3, 3] = 1
+    seen = []
+    for column in range(-3, 4):
+        moved = np.roll(values, (column, 0), (1, 0))
+        for reach in windows(settings):
+            shape = moved.shape[:2]
+            up = np.tile([0.0, 0, 1], (*shape, 1))
+            moved = filtered(moved, np.ones(shape, bool), np.zeros((*shape, 3)), up, up, np.ones(shape), reach)
+        seen.append(float(moved[0, 0, 0]))
+    np.testing.assert_allclose(np.array(seen) * 64, [1, 2, 3, 4, 3, 2, 1], rtol=1e-13)

@@ -12,7 +12,7 @@ from lightwell.geometry.rays import RayScene
 from lightwell.geometry.shapes import plane
 from lightwell.igi import DirectionalLight, IgiObject, IgiScene, Sky, render_igi
 from lightwell.igi.emit import EmissiveSurfaces
-from lightwell.igi.filter import filtered, margins
+from lightwell.igi.filter import filtered, windows
 from lightwell.igi.gather import Gatherer
 from lightwell.igi.lights import DIRECTIONAL, NONE, SURFACE, VirtualLights, arrange, make_lights
 from lightwell.igi.materials import phong_exponent
@@ -121,7 +121,7 @@ def random_lights(count: int, seed: int) -> VirtualLights:
 def test_interleaving_and_the_box_are_all_lights() -> None:
     """Pixels of one place: the mean over a window is what a place gets of all lights."""
     pattern = (4, 4)
-    left, right, up, down = reach = margins(pattern, 1)
+    ((left, right, up, down),) = (reach,) = windows(IgiSettings(sets=pattern, passes=1))
     shape = (8 + up + down, 8 + left + right)
     place, normal = np.tile([0.3, -0.2, 0.0], (*shape, 1)), np.tile(UP, (*shape, 1))
     seen, depth = np.ones(shape, bool), np.ones(shape)
@@ -142,7 +142,7 @@ def test_what_is_filtered_on_bumps() -> None:
     shading[..., 2] = np.abs(shading[..., 2])
     place, normal = np.zeros((7, 7, 3)), np.tile(UP, (7, 7, 1))
     seen, depth = np.ones((7, 7), bool), np.ones((7, 7))
-    reach = margins((4, 4), 1)
+    (reach,) = windows(IgiSettings(passes=1))
     lights = random_lights(16, 1)
     sets = arrange([lights], NONE, (4, 4), 0)
     own = Gatherer(SPACE, sets, 3, np.float64).gather(place, normal, seen, groups=1).coefficients[:, :, 0]

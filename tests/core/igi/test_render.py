@@ -23,7 +23,7 @@ from lightwell.igi import (
     render_igi,
     sky_of_harmonics,
 )
-from lightwell.igi.render import cut
+from lightwell.igi.rendering import cut
 from lightwell.igi_settings import IgiFilter, IgiSettings
 from lightwell.render import Camera
 from lightwell.render.light import FieldLight

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.igi.render import IgiRendering, assemble
+from lightwell.igi.rendering import IgiRendering, assemble
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.files import write_atomically
 from lightwell.io.films import write_film

@@ -7,11 +7,12 @@ from pathlib import Path
 import msgspec
 
 from lightwell.igi.filter import margins
-from lightwell.igi.render import TILE, Tile, cut
+from lightwell.igi.rendering import TILE, Tile, cut
 from lightwell.igi_settings import IgiSettings
 from lightwell.job_settings import IgiRenderSettings
 from lightwell.render.camera import Camera
-from lightwell_workers.jobs.igi_scene import frame_count, light_frames, scene_of, size_of
+from lightwell_workers.jobs.igi_light import Shown, changes_light
+from lightwell_workers.jobs.igi_scene import frame_count, scene_of, size_of
 from lightwell_workers.jobs.kind import Estimate
 
 MEGABYTE = 1 << 20
@@ -39,8 +40,8 @@ class Shot(msgspec.Struct, array_like=True):
     target: tuple[float, float, float]
     up: tuple[float, float, float]
     fov_degrees: float
-    source: str | None
-    """Recorded frame that is its light; None: the scene's."""
+    light: Shown | None
+    """Recorded light that it shows; None: the scene's."""
 
     @property
     def camera(self) -> Camera:
@@ -61,7 +62,7 @@ class Plan(msgspec.Struct):
     igi: str
     """`IgiSettings` as JSON: of the scene's file and the job together."""
     light: str
-    """`IgiLightSettings` as JSON."""
+    """`IgiLightSettings` as JSON: how recorded light is read."""
     backdrop: bool
     ev: float | None
     tone_mapping: bool
@@ -97,7 +98,7 @@ def pixel_seconds(igi: IgiSettings, lamps: int) -> float:
 
 def tile_seconds(igi: IgiSettings, lamps: int, side: int) -> float:
     """Return the core time of a tile, with the pixels that its filter needs around it."""
-    left, right, up, down = (0, 0, 0, 0) if igi.filter == "none" else margins(igi.sets, igi.window)
+    left, right, up, down = margins(igi)
     return (side + left + right) * (side + up + down) * pixel_seconds(igi, lamps)
 
 
@@ -119,15 +120,14 @@ def estimate(settings: IgiRenderSettings) -> Estimate:
     """Return what a job needs; raises `LightwellError` where its scene or its frames cannot be used."""
     scene, size = scene_of(settings), size_of(settings)
     igi, width, height = scene.igi, scene.picture.width, scene.picture.height
-    sources = len(light_frames(settings))
-    frames = frame_count(settings, sources)
+    frames = frame_count(settings)
     side = tile_side(igi, size.lamps)
     tiles = -(-width // side) * -(-height // side)
     # Tiles at the edges may be smaller, and all have margins.
     share = min(1.0, width * height / (tiles * side * side))
-    lights = frames if sources else 1
+    lights = frames if changes_light(settings) else 1
     pixels, channels = width * height, channels_of(igi)
-    reach = 0 if igi.filter == "none" else sum(margins(igi.sets, igi.window)[:2])
+    reach = sum(margins(igi)[:2])
     tile_bytes = (side + reach) ** 2 * (24 * 3 * igi.bands**2 + 400)
     group = max(1.0, settings.checkpoint_seconds / max(1e-6, tiles * tile_seconds(igi, size.lamps, side)))
     return Estimate(

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.igi.render import Tile
+from lightwell.igi.rendering import Tile
 from lightwell.io.files import write_atomically
 from lightwell.io.igi_scenes import meter_colour
 from lightwell.io.preview import encode_png
@@ -52,7 +52,7 @@ class Preview:
         step = self._stride
         top, left = -(-tile.top // step), -(-tile.left // step)
         with np.load(path) as file:
-            part = file["colour"][top * step - tile.top :: step, left * step - tile.left :: step]
+            part = (file["lit"] + file["behind"])[top * step - tile.top :: step, left * step - tile.left :: step]
         self._colour[top : top + part.shape[0], left : left + part.shape[1]] = part
         if time.monotonic() - self._drawn > PAUSE_SECONDS:
             self.draw()

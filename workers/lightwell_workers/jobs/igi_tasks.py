@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.igi.render import IgiRenderer, IgiRendering, Tile
+from lightwell.igi.render import IgiRenderer
+from lightwell.igi.rendering import IgiRendering, Tile
 from lightwell.igi.scene import IgiScene
 from lightwell.igi.surfaces import Surfaces
 from lightwell.igi_settings import IgiSettings
 from lightwell.job_settings import IgiLightSettings
 from lightwell_workers.jobs.context import stop_if_cancelled
+from lightwell_workers.jobs.igi_light import Shown, read_sky
 from lightwell_workers.jobs.igi_plan import Plan, read_plan
-from lightwell_workers.jobs.igi_scene import read_sky
 
-LAYERS = ("colour", "coverage", "normal", "depth", "albedo", "direct", "indirect", "set", "coefficients")
+LAYERS = ("lit", "behind", "coverage", "normal", "depth", "albedo", "direct", "indirect", "set", "coefficients")
 COUNTS = ("arrived", "clamped", "rays")
 
 
@@ -79,7 +80,7 @@ def render_tile(cancel: Path, work: str, frame: int, tile: int) -> float:
     """Render and write one tile; return the light in it, W m⁻² sr⁻¹ summed."""
     plan, stamp = _plan(work)
     shot = plan.shots[frame]
-    renderer = _renderer(work, stamp, shot.source)
+    renderer = _renderer(work, stamp, shot.light)
     stop = partial(stop_if_cancelled, cancel)
     stop()
     rendering = renderer.tile(shot.camera, plan.size, plan.tiles[tile], stop)
@@ -91,7 +92,7 @@ def render_coarse(cancel: Path, work: str, out: str) -> None:
     """Write the first picture with few pixels: what is to be expected, long before it is there."""
     plan, stamp = _plan(work)
     width, height = plan.coarse
-    renderer = _renderer(work, stamp, plan.shots[0].source)
+    renderer = _renderer(work, stamp, plan.shots[0].light)
     rendering = renderer.tile(
         plan.shots[0].camera, (width, height), Tile(0, height, 0, width), partial(stop_if_cancelled, cancel)
     )
@@ -124,11 +125,11 @@ def _opened(work: str, stamp: int) -> tuple[IgiScene, Surfaces]:
 
 
 @lru_cache(maxsize=2)
-def _renderer(work: str, stamp: int, source: str | None) -> IgiRenderer:
+def _renderer(work: str, stamp: int, light: Shown | None) -> IgiRenderer:
     """Return the scene with its virtual lights, for all tiles of pictures in that light."""
     plan, _ = _plan(work)
     scene, surfaces = _opened(work, stamp)
-    if source is not None:
-        sky = read_sky(IgiLightSettings.model_validate_json(plan.light), Path(source))
+    if light is not None:
+        sky = read_sky(IgiLightSettings.model_validate_json(plan.light), light, Path(work))
         scene = IgiScene(scene.objects, scene.lamps, sky, scene.field)
     return IgiRenderer(scene, IgiSettings.model_validate_json(plan.igi), surfaces)
