@@ -14,8 +14,9 @@ from pydantic_core import PydanticCustomError
 
 from lightwell.conventions import DEFAULT_BANDS
 from lightwell.igi_settings import IgiSettings
-from lightwell.scene_settings import MAX_EV, MAX_PIXELS, MAX_SIDE, Place
+from lightwell.scene_settings import LINE_SUFFIXES, MAX_EV, MAX_PIXELS, MAX_SIDE, Place
 from lightwell.settings import MappingSettings, Settings, Vector3, WindowSettings
+from lightwell.video_settings import VideoSettings
 
 JobKind = Literal["ilf-grid", "prt-transfer", "capture-reduce", "igi-render"]
 JobState = Literal["queued", "running", "cancelling", "cancelled", "failed", "succeeded"]
@@ -195,13 +196,21 @@ class IgiLightSettings(Settings):
     frames: str | None = Field(
         None,
         min_length=1,
-        description="recorded frames below a data root, light over time: a folder, dir/*.exr or frame.%04d.exr",
+        description="recorded light over time, below a data root: a folder, dir/*.exr, frame.%04d.exr, a video, or"
+        " lines of `lightwell watch STREAM --json` (.jsonl)",
     )
+    frame: int | None = Field(
+        None,
+        description="of frames: all pictures in the light of this one, from 0, or from the end where negative",
+    )
+    video: VideoSettings = Field(VideoSettings(), description="frames: how a video's signal stands for light")
     mapping: MappingSettings = Field(
         MappingSettings(), description="of the map or the frames, where a probe recorded them and they are not lat-long"
     )
     stream: str | None = Field(
-        None, min_length=1, description="name of a stream: its newest frame when the job is submitted"
+        None,
+        min_length=1,
+        description="name of a stream: its newest frame when the job is submitted; in lines of several: which of them",
     )
     grid: str | None = Field(
         None, min_length=1, description="id of a grid, or its folder below a data root; with map or stream it follows"
@@ -219,10 +228,14 @@ class IgiLightSettings(Settings):
     @model_validator(mode="after")
     def _check(self) -> Self:
         named = [name for name in ("map", "frames", "stream") if getattr(self, name) is not None]
+        if named == ["frames", "stream"] and Path(str(self.frames)).suffix.lower() in LINE_SUFFIXES:
+            named.remove("stream")  # which of those that were recorded
         if len(named) > 1:
             raise PydanticCustomError(
                 "light", "give map, frames or stream, not {named}", {"named": " and ".join(named)}
             )
+        if self.frame is not None and self.frames is None:
+            raise PydanticCustomError("light", "frame is one of those that frames names: give frames")
         if self.frames is not None and self.grid is not None:
             raise PydanticCustomError("light", "a grid follows a map or a stream, not frames: leave one out")
         return self
@@ -285,7 +298,8 @@ class IgiRenderSettings(Settings):
         None,
         ge=1,
         le=MAX_FRAMES,
-        description="pictures; default: as many as light.frames, 48 where the camera moves, else one",
+        description="pictures; default: as many as show light.frames, at its own pace where that is known, 48 where the"
+        " camera moves, else one",
     )
     fps: float = Field(24.0, gt=0, le=240, description="of the film, pictures a second")
     igi: IgiSettings = IgiSettings()

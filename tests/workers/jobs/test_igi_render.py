@@ -148,6 +148,50 @@ def test_a_recording_is_light_over_time(tmp_path: Path, folder: Path) -> None:
     np.testing.assert_allclose(np.array(means) / means[0], [1, 1, 3], rtol=1e-4)
 
 
+def test_recorded_coefficients_are_light_over_time(tmp_path: Path, folder: Path) -> None:
+    """Lines of ``watch --json`` at 10 frames a second, a film at 20: every other picture is between two of them."""
+    lines = [
+        {
+            "stream": "hall",
+            "capture_time_ns": 1_795_000_000_000_000_000 + k * 100_000_000,
+            "convention": "lightwell",
+            "units": "relative",
+            "coefficients": [[radiance * np.sqrt(4 * np.pi)] * 3],
+        }
+        for k, radiance in enumerate((1.0, 2.0, 4.0))
+    ]
+    recorded = folder / "hall.jsonl"
+    recorded.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    _, film = run(tmp_path / "a", folder / "unlit.toml", light={"frames": str(recorded)}, fps=20)
+    assert film["frames"] == 6
+    means = np.array([mean[0] for mean in film["mean"]])
+    np.testing.assert_allclose(means / means[0], [1, 1.5, 2, 3, 4, 4], rtol=1e-3)
+    light = {"frames": str(recorded), "frame": -2, "gain": 0.5, "stream": "hall"}
+    results, still = run(tmp_path / "b", folder / "unlit.toml", light=light)
+    assert (still["frames"], sorted(path.name for path in results.glob("*.exr"))) == (1, ["layers.exr"])
+    np.testing.assert_allclose(read_picture(results / "layers.exr").pixels[0, 0], 1.0, rtol=1e-3)
+    lines[1]["convention"] = "blender"
+    recorded.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    with pytest.raises(LightwellError, match=r"light\.frames: hall\.jsonl: line 2: its convention 'blender'"):
+        run(tmp_path / "c", folder / "unlit.toml", light={"frames": str(recorded)})
+
+
+def test_a_video_is_light_over_time(tmp_path: Path, folder: Path) -> None:
+    write_film(folder / "hall.mp4", [np.full((16, 32, 3), code, np.uint8) for code in (60, 120, 240)], 12)
+    light = {"frames": str(folder / "hall.mp4"), "video": {"transfer": "linear"}}
+    _, film = run(tmp_path / "a", folder / "unlit.toml", light=light, fps=12)
+    means = np.array([mean[0] for mean in film["mean"]])
+    np.testing.assert_allclose(means / means[0], [1, 2, 4], rtol=0.03)
+    _, still = run(tmp_path / "b", folder / "unlit.toml", light=light | {"frame": 1})
+    assert still["mean"] == [film["mean"][1]]
+    for changes, words in (
+        ({"video": {}}, r"light\.frames: hall\.mp4: does not say how it is encoded: give light\.video\.transfer"),
+        ({"frame": 3}, r"light\.frame: hall\.mp4: has no frame 3: it has 3, 0 … 2"),
+    ):
+        with pytest.raises(LightwellError, match=words):
+            run(tmp_path / "c", folder / "unlit.toml", light=light | changes)
+
+
 def test_a_damaged_frame_is_named(tmp_path: Path, folder: Path) -> None:
     write_rgb(tmp_path / "torn.0.exr", np.ones((16, 32, 3), np.float32))
     (tmp_path / "torn.1.exr").write_bytes((tmp_path / "torn.0.exr").read_bytes()[:400])
@@ -208,6 +252,8 @@ def test_what_cannot_be_rendered_is_said(tmp_path: Path, folder: Path) -> None:
             run(tmp_path / str(number), folder / scene, **settings)
     for settings, words in (
         ({"light": {"map": "a", "stream": "b"}}, "not map and stream"),
+        ({"light": {"frames": "a.mp4", "stream": "b"}}, "not frames and stream"),
+        ({"light": {"map": "a.exr", "frame": 3}}, "give frames"),
         ({"camera": {"path": [at]}}, "two cameras"),
         ({"camera": {"path": [at, at], "orbit_degrees": 9}}, "leave name"),
         ({"width": 16384, "height": 16384}, "at most"),

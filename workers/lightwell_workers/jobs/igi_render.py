@@ -18,9 +18,10 @@ from lightwell.io.files import write_atomically
 from lightwell.job_settings import IgiRenderSettings, JobKind
 from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.igi_finish import counted_path, finish_frames, write_results
+from lightwell_workers.jobs.igi_light import Shown, assign, read_sky, recording_of
 from lightwell_workers.jobs.igi_plan import Plan, Shot, estimate, read_plan, tile_seconds, tile_side
 from lightwell_workers.jobs.igi_preview import Preview
-from lightwell_workers.jobs.igi_scene import cameras_of, frame_count, light_frames, load
+from lightwell_workers.jobs.igi_scene import cameras_of, frame_count, load
 from lightwell_workers.jobs.igi_tasks import load_tile, plan_path, render_coarse, render_tile, save_scene, tile_path
 from lightwell_workers.jobs.kind import Estimate, JobError, Step
 
@@ -39,12 +40,20 @@ class IgiRender:
     def prepare(self, settings: IgiRenderSettings, context: JobContext) -> None:
         """Read the scene and its light, look whether all cameras stand where something is seen, and plan."""
         context.progress("prepare", 0, 1)
-        loaded = load(settings, context.directory.path.parent)
-        for remark in loaded.remarks:
+        recording = recording_of(settings.light)
+        count = frame_count(settings)
+        lights: list[Shown | None] = [None] * count
+        first = None
+        if recording is not None:
+            lights[:] = assign(settings, recording, count, context.work)
+            assert lights[0] is not None
+            first = read_sky(settings.light, lights[0], context.work)
+        context.check()
+        loaded = load(settings, context.directory.path.parent, first)
+        remarks = [*(recording.remarks if recording is not None else ()), *loaded.remarks]
+        for remark in remarks:
             context.log(remark, level="warning")
         context.check()
-        sources = light_frames(settings)
-        count = frame_count(settings, len(sources))
         cameras = cameras_of(settings.camera, loaded.camera, count)
         surfaces = Surfaces(loaded.scene)
         for frame, camera in enumerate(cameras):
@@ -63,23 +72,17 @@ class IgiRender:
             side,
             max(1, round(context.processes * settings.checkpoint_seconds / tile_seconds(igi, lamps, side))),
             [
-                Shot(
-                    camera.position,
-                    camera.target,
-                    camera.up,
-                    camera.fov_degrees,
-                    str(sources[frame * len(sources) // count]) if sources else None,
-                )
-                for frame, camera in enumerate(cameras)
+                Shot(camera.position, camera.target, camera.up, camera.fov_degrees, light)
+                for camera, light in zip(cameras, lights, strict=True)
             ],
             igi.model_dump_json(),
-            settings.light.model_dump_json(include={"mapping", "gain"}),
+            settings.light.model_dump_json(include={"mapping", "gain", "video"}),
             loaded.has_backdrop,
             loaded.picture.ev,
             loaded.picture.tone_mapping == "neutral",
-            list(loaded.remarks),
+            remarks,
         )
-        scene = replace(loaded.scene, sky=None) if sources else loaded.scene
+        scene = replace(loaded.scene, sky=None) if recording is not None else loaded.scene
         save_scene(context.work, scene)
         triangles = sum(len(item.mesh.triangles) for item in scene.objects)
         context.log("prepared", objects=len(scene.objects), triangles=triangles, lamps=lamps, pictures=count)

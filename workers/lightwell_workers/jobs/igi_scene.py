@@ -9,20 +9,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.errors import RenderError
 from lightwell.field.adaptive import AnyGrid
 from lightwell.igi.sky import Sky
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.grids import open_grid
 from lightwell.io.igi_scenes import LoadedIgiScene, load_igi_scene
 from lightwell.io.meshes import MESH_SUFFIXES
-from lightwell.io.scenes import Probe, SceneLoader, read_scene_settings, scene_settings
-from lightwell.io.sequences import find_sequence
-from lightwell.job_settings import IgiCameraSettings, IgiLightSettings, IgiRenderSettings
+from lightwell.io.scenes import Probe, read_scene_settings, scene_settings
+from lightwell.job_settings import MAX_FRAMES, IgiCameraSettings, IgiLightSettings, IgiRenderSettings
 from lightwell.render.camera import Camera
 from lightwell.render.path import camera_path, orbit
 from lightwell.scene_settings import CameraSettings, SceneLightSettings, SceneSettings
 from lightwell_workers.jobs.directory import JOB_ID, JobDirectory
+from lightwell_workers.jobs.igi_light import changes_light, film_length
 from lightwell_workers.jobs.kind import JobError
 
 FRAMES_OF_A_MOVE = 48
@@ -123,14 +122,10 @@ def scene_of(settings: IgiRenderSettings) -> SceneSettings:
     return found.model_copy(update=changes)
 
 
-def load(settings: IgiRenderSettings, root: Path) -> LoadedIgiScene:
-    """Read all that is rendered; with recorded frames, in the light of the first. ``root``: folder of all jobs."""
+def load(settings: IgiRenderSettings, root: Path, light: Sky | None = None) -> LoadedIgiScene:
+    """Read all that is rendered; ``light`` in place of the scene's. ``root``: folder of all jobs."""
     path = Path(settings.scene)
-    scene = scene_of(settings)
-    sources = light_frames(settings)
-    if sources:
-        scene = scene.model_copy(update={"light": _frame_light(settings.light, sources[0])})
-    return load_igi_scene(scene, path.parent, Snapshot(settings.light, root), where=path.name)
+    return load_igi_scene(scene_of(settings), path.parent, Snapshot(settings.light, root), where=path.name, light=light)
 
 
 def size_of(settings: IgiRenderSettings) -> SceneSize:
@@ -159,17 +154,19 @@ def _size(scene: str, version: tuple[int, int], camera: str) -> SceneSize:
     )
 
 
-def light_frames(settings: IgiRenderSettings) -> list[Path]:
-    """Return the recorded frames of the light, none where it does not change; raises `SourceError`."""
-    if settings.light.frames is None:
-        return []
-    return [entry.path for entry in find_sequence(settings.light.frames) if entry.path is not None]
-
-
-def frame_count(settings: IgiRenderSettings, sources: int) -> int:
-    """Return how many pictures there are."""
-    moves = bool(settings.camera.path or settings.camera.orbit_degrees)
-    return settings.frames or sources or (FRAMES_OF_A_MOVE if moves else 1)
+def frame_count(settings: IgiRenderSettings) -> int:
+    """Return how many pictures there are; raises `LightwellError` where the recording cannot be used."""
+    length = 0 if settings.light.frames is None else film_length(settings)
+    if settings.frames is not None:
+        return settings.frames
+    if changes_light(settings):
+        if length > MAX_FRAMES:
+            raise JobError(
+                f"light.frames: a film of it has {length} pictures; at most {MAX_FRAMES} are rendered: give frames, or"
+                " a lower fps"
+            )
+        return length
+    return FRAMES_OF_A_MOVE if settings.camera.path or settings.camera.orbit_degrees else 1
 
 
 def cameras_of(settings: IgiCameraSettings, camera: Camera, count: int) -> list[Camera]:
@@ -185,24 +182,14 @@ def cameras_of(settings: IgiCameraSettings, camera: Camera, count: int) -> list[
     return [camera] * count
 
 
-def read_sky(settings: IgiLightSettings, path: Path) -> Sky:
-    """Return one recorded frame as a sky; raises `RenderError` where it cannot be read."""
-    _, picture = SceneLoader(path.parent, None, "light.frames").light(_frame_light(settings, path))
-    if picture is None:
-        raise RenderError(f"light.frames: {path}: is no picture")
-    return Sky(np.maximum(picture, 0).astype(np.float32))
-
-
-def _frame_light(light: IgiLightSettings, path: Path) -> SceneLightSettings:
-    return SceneLightSettings(file=path, mapping=light.mapping, gain=light.gain)
-
-
 def _merged(file: IgiSettings, job: IgiSettings) -> IgiSettings:
     return file.model_copy(update={name: getattr(job, name) for name in job.model_fields_set})
 
 
 def _light(settings: IgiRenderSettings, before: SceneLightSettings | None) -> SceneLightSettings | None:
     light = settings.light
+    if light.frames is not None:
+        return None  # each picture has its own
     if light.map is None and light.stream is None and light.grid is None:
         if before is None or light.gain == 1:
             return before
