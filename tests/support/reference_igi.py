@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lightwell.geometry.rays import RayScene
 from lightwell.igi.lights import BOUNDARY, DIRECTIONAL, POINT, SURFACE, LightSets, VirtualLights
+from lightwell.igi.surfaces import Surfaces
 from lightwell.sh.basis import evaluate
 from lightwell.sh.shading import irradiance, phong
 
@@ -99,3 +100,29 @@ def shaded(
         irradiance(coefficients * window[degrees][:, None], normal) / np.pi,
         phong(coefficients, mirrored, exponent),
     )
+
+
+def first_solid(surfaces: Surfaces, origin: Floats, direction: Floats) -> tuple[int, float]:
+    """The first triangle that a ray meets where there is a surface (−1: none), and how far, in its own lengths."""
+    a, b, c = (surfaces.mesh.positions[surfaces.mesh.triangles[:, k]].astype(np.float64) for k in range(3))
+    places = np.linalg.solve(
+        np.stack([b - a, c - a, np.broadcast_to(-direction.astype(np.float64), a.shape)], axis=2),
+        (origin.astype(np.float64) - a)[..., None],
+    )[..., 0]
+    u, v, t = places.T
+    for triangle in np.argsort(t):
+        if t[triangle] <= 0 or min(u[triangle], v[triangle], 1 - u[triangle] - v[triangle]) < 0:
+            continue
+        item = surfaces.objects[surfaces.owner[triangle]]
+        material = item.material
+        corners = surfaces.mesh.triangles[triangle]
+        weights = np.array([1 - u[triangle] - v[triangle], u[triangle], v[triangle]])
+        alpha = material.alpha
+        if material.alpha_texture is not None:
+            alpha *= float(material.alpha_texture.at((weights @ surfaces.uv_of(0)[corners])[None])[0, 0])
+        if item.alpha is not None:
+            own = surfaces.mesh.triangles[surfaces.owner == surfaces.owner[triangle]]
+            alpha *= float(weights @ item.alpha[corners - own.min()])
+        if alpha * (1 - material.transmission) >= material.hole_below:
+            return int(triangle), float(t[triangle])
+    return -1, np.inf

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lightwell.io.gltf_check import INSTANCES, MAX_OBJECTS, STRIP, TRIANGLE_MODES, TRIANGLES, GltfError
+from lightwell.io.gltf_check import INSTANCES, MAX_OBJECTS, STRIP, TRIANGLES, GltfError, is_shown
 from lightwell.io.gltf_colours import Pictures, base_colours
 from lightwell.io.gltf_data import GltfData
 
@@ -61,10 +61,10 @@ def read_objects(document: Mapping[str, Any], data: GltfData, pictures: Pictures
         skin = document["skins"][node["skin"]] if "skin" in node else None
         weights = node.get("weights", mesh.get("weights", ()))
         for primitive in mesh["primitives"]:
-            if primitive.get("mode", TRIANGLES) not in TRIANGLE_MODES or "POSITION" not in primitive["attributes"]:
+            if not is_shown(primitive):
                 continue
             local = _local(document, data, primitive, weights, pictures)
-            if skin is not None and "JOINTS_0" in primitive["attributes"] and "WEIGHTS_0" in primitive["attributes"]:
+            if skin is not None and {"JOINTS_0", "WEIGHTS_0"} <= primitive["attributes"].keys():
                 yield _bent(local, name, primitive, _skinned(data, skin, primitive["attributes"], places))
             else:
                 yield _placed(local, name, primitive, places[node_index] @ _instances(data, node))

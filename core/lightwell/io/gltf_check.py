@@ -66,12 +66,18 @@ def split_glb(data: bytes) -> tuple[dict[str, Any], bytes | None]:
 def parse_document(text: bytes) -> dict[str, Any]:
     """Return the JSON of a glTF file. Raises `GltfError`."""
     try:
-        document = json.loads(text)
+        # Some programs write whole numbers with a point, and mean indices by them.
+        document = json.loads(text, parse_float=_number)
     except (ValueError, RecursionError) as error:
         raise GltfError(f"holds no JSON that can be read ({error}); export it again") from None
     if not isinstance(document, dict):
         raise GltfError("holds JSON that is no glTF document; export it again")
     return document
+
+
+def _number(text: str) -> float | int:
+    value = float(text)
+    return int(value) if value.is_integer() and abs(value) < 1 << 53 else value
 
 
 def check_document(document: Mapping[str, Any], max_triangles: int) -> None:
@@ -122,7 +128,7 @@ def _check_triangles(document: Mapping[str, Any], most: int) -> None:
     accessors = document.get("accessors", [])
     per_mesh = []
     for mesh in document.get("meshes", []):
-        shown = [one for one in mesh["primitives"] if one.get("mode", TRIANGLES) in TRIANGLE_MODES]
+        shown = [one for one in mesh["primitives"] if is_shown(one)]
         per_mesh.append(
             (
                 sum(_count_triangles(one, accessors) for one in shown),
@@ -141,6 +147,11 @@ def _check_triangles(document: Mapping[str, Any], most: int) -> None:
         raise GltfError(f"shows {triangles} triangles; at most {most} are read: simplify it")
     if vertices > 3 * most:
         raise GltfError(f"shows {vertices} vertices; at most {3 * most} are read: simplify it")
+
+
+def is_shown(primitive: Mapping[str, Any]) -> bool:
+    """Whether a primitive has triangles, and places for them."""
+    return primitive.get("mode", TRIANGLES) in TRIANGLE_MODES and "POSITION" in primitive["attributes"]
 
 
 def _copies(node: Mapping[str, Any], accessors: list[Any]) -> int:

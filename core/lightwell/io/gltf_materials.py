@@ -22,13 +22,14 @@ UNLIT = "KHR_materials_unlit"
 LEFT_OUT = {
     "KHR_materials_clearcoat": "the coat is left out",
     "KHR_materials_sheen": "the sheen is left out",
-    "KHR_materials_anisotropy": "its gloss is the same in all directions",
-    "KHR_materials_iridescence": "its gloss has no colours of a thin film",
-    "KHR_materials_diffuse_transmission": "no light shines through it",
-    "KHR_materials_subsurface": "no light shines through it",
-    UNLIT: "it is lit like matte paint",
+    "KHR_materials_anisotropy": "the gloss is the same in all directions",
+    "KHR_materials_iridescence": "the gloss has no colours of a thin film",
+    "KHR_materials_diffuse_transmission": "no light shines through",
+    UNLIT: "shown as matte paint, and lit",
 }
 """What a picture would show otherwise, and how it shows it here."""
+MOST_NAMES = 5
+"""So many materials are named in a remark."""
 HALF = 0.5
 """What lets more light through than this is a hole, and the rest is opaque: nearest to the truth."""
 
@@ -47,8 +48,15 @@ class Materials:
         self._pictures = pictures
         self._made: dict[int, IgiMaterial] = {}
         self._texels: dict[str, NDArray[np.uint8]] = {}
-        self.remarks: list[str] = []
-        """What a picture will not show."""
+        self._said: dict[str, dict[str, None]] = {}
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a picture will not show, and of which materials; a line each."""
+        return [f"{_listed(list(names))}: {what}" for what, names in self._said.items()]
+
+    def _say(self, name: str, what: str) -> None:
+        self._said.setdefault(what, {})[name] = None
 
     def material(self, primitive: Mapping[str, Any]) -> IgiMaterial:
         """Return what a primitive is made of; its base colour is left to the vertices.
@@ -67,11 +75,13 @@ class Materials:
         if made.hole_below > 0 and self._document["materials"][index].get("alphaMode") != "MASK":
             coloured = primitive["attributes"].get("COLOR_0")
             varies = coloured is not None and self._document["accessors"][coloured]["type"] == "VEC4"
-            self.remarks += _of_translucent(self._name(index), made, varies)
+            said = _of_translucent(made, varies)
+            if said is not None:
+                self._say(self._name(index), said)
         return made
 
     def _name(self, index: int) -> str:
-        return f"material {self._document['materials'][index].get('name', index)!r}"
+        return repr(self._document["materials"][index].get("name", index))
 
     def _material(self, material: Mapping[str, Any], name: str) -> IgiMaterial:
         extensions = material.get("extensions", {})
@@ -82,7 +92,7 @@ class Materials:
             specular = float(np.mean(glossy.get("specularFactor", (1, 1, 1))))
             base, both = glossy.get("diffuseTexture"), None
             if "specularGlossinessTexture" in glossy:
-                self.remarks.append(f"{name}: its picture of gloss is left out; convert it to metallic-roughness")
+                self._say(name, "the picture of gloss is left out; convert it to metallic-roughness")
         else:
             metallic, roughness = float(rough.get("metallicFactor", 1)), float(rough.get("roughnessFactor", 1))
             specular = self._specular(extensions, name)
@@ -97,7 +107,9 @@ class Materials:
         mode = material.get("alphaMode", "OPAQUE")
         through = extensions.get(TRANSMISSION, {})
         transmission = float(through.get("transmissionFactor", 0))
-        self.remarks += [f"{name}: has {key}; {how}" for key, how in LEFT_OUT.items() if key in extensions]
+        for key, how in LEFT_OUT.items():
+            if key in extensions:
+                self._say(name, f"{key}: {how}")
         return IgiMaterial(
             metallic=_fraction(metallic, name, "metallicFactor"),
             roughness=_fraction(roughness, name, "roughnessFactor"),
@@ -128,7 +140,7 @@ class Materials:
         head_on = 1.0 if index == 0 else ((index - 1) / (index + 1)) ** 2
         extra = extensions.get(SPECULAR, {})
         if "specularTexture" in extra or "specularColorTexture" in extra:
-            self.remarks.append(f"{name}: its pictures of {SPECULAR} are left out; the gloss is even")
+            self._say(name, f"the pictures of {SPECULAR} are left out; the gloss is even")
         tint = float(np.mean(extra.get("specularColorFactor", (1, 1, 1))))
         return min(head_on * tint, 1.0) * float(extra.get("specularFactor", 1))
 
@@ -160,7 +172,9 @@ class Materials:
         if key not in self._texels:
             found = self._pictures.pixels(info)
             if found is None:
-                raise GltfError(f"{material} has a picture of a type that is not read; export it with PNG or JPEG")
+                raise GltfError(
+                    f"material {material} has a picture of a type that is not read (KTX2?); export it with PNG or JPEG"
+                )
             total = sum(one.shape[0] * one.shape[1] for one in (*self._texels.values(), found))
             if total > MAX_TEXELS:
                 raise GltfError(f"has pictures of {total} pixels together; at most {MAX_TEXELS} are read: shrink them")
@@ -168,14 +182,21 @@ class Materials:
         return self._texels[key]
 
 
-def _of_translucent(name: str, made: IgiMaterial, varies: bool) -> list[str]:
+def _of_translucent(made: IgiMaterial, varies: bool) -> str | None:
     """Return what is to be said of a material that is no cut-out; nothing where it turns out to be opaque."""
     through = 1 - made.alpha * (1 - made.transmission * (1 - made.metallic))
     if varies or made.alpha_texture is not None or made.transmission_texture is not None:
-        return [f"{name}: is translucent here and there; it has holes where more than half of the light goes through"]
+        return "translucent here and there: a hole where more than half of the light goes through, else opaque"
     if through > 1 - made.hole_below:
-        return [f"{name}: lets {100 * through:.0f} % of the light through; it is left out"]
-    return [f"{name}: lets {100 * through:.0f} % of the light through; it is drawn opaque"] if through > 0 else []
+        return "most of the light goes through: left out"
+    return "translucent, but most of the light is stopped: drawn opaque" if through > 0 else None
+
+
+def _listed(names: list[str]) -> str:
+    if len(names) == 1:
+        return f"material {names[0]}"
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return f"materials {', '.join(names[:MOST_NAMES])}{more}"
 
 
 def _hole_below(material: Mapping[str, Any], transmission: float) -> float:
@@ -187,7 +208,7 @@ def _hole_below(material: Mapping[str, Any], transmission: float) -> float:
 
 def _fraction(value: float, material: str, name: str) -> float:
     if not 0 <= value <= 1:
-        raise GltfError(f"{material} has {name} {value:g}, which must lie between 0 and 1; export it again")
+        raise GltfError(f"material {material} has {name} {value:g}, which must lie between 0 and 1; export it again")
     return value
 
 

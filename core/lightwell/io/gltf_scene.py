@@ -109,7 +109,7 @@ def read_gltf_scene(
         cameras = tuple(read_cameras(document, places, Z_UP))
     if not (objects or lamps or cameras):
         raise MeshError(f"{name}: holds no triangles, lamps or cameras; export the scene, not points or lines")
-    return GltfScene(name, objects, lamps, cameras, tuple(dict.fromkeys(materials.remarks)))
+    return GltfScene(name, objects, lamps, cameras, tuple(materials.remarks))
 
 
 def _unused(pixels: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -100,7 +100,9 @@ def read_meshes(
 def mesh_errors(name: str) -> Iterator[None]:
     """Turn whatever comes of a damaged file into a `MeshError` that names it."""
     try:
-        yield
+        # What is not finite, or too large for float32, is refused by the checks of meshes and cameras, and named.
+        with np.errstate(invalid="ignore", over="ignore"):
+            yield
     except (MeshError, MemoryError):
         raise
     except (GltfError, _MissingFileError) as error:
@@ -151,8 +153,7 @@ def checked_mesh(
 ) -> Mesh:
     """Return a mesh; raises `MeshError` with the file and the object where it is none."""
     try:
-        with np.errstate(over="ignore"):  # what is too large for float32 is not finite, and is refused as that
-            return make_mesh(title, positions, triangles, normals, albedo)
+        return make_mesh(title, positions, triangles, normals, albedo)
     except ValueError as error:
         raise MeshError(f"{file}: object {title!r}: {error}; repair it in a modelling program") from None
 

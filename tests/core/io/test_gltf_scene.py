@@ -233,7 +233,9 @@ def test_files_beside_are_read_and_missing_ones_are_named(tmp_path: Path) -> Non
     (tmp_path / "pictures").mkdir()
     place = tmp_path / "pictures" / "my wood.png"
     place.write_bytes(b"\xabKTX 20\xbb")
-    with pytest.raises(MeshError, match=r"material 0 has a picture of a type that is not read; export it with PNG"):
+    with pytest.raises(
+        MeshError, match=r"material 0 has a picture of a type that is not read .KTX2..; export it with PNG"
+    ):
         load_gltf_scene(tmp_path / "scene.glb")
     place.write_bytes(png(np.zeros((2, 2, 3))))
     assert load_gltf_scene(tmp_path / "scene.glb").objects[0].material.base_texture is not None
@@ -291,19 +293,25 @@ def test_what_will_not_be_seen_is_said() -> None:
     def faint(alpha: float) -> dict[str, Any]:
         return {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, alpha]}}
 
-    assert remarks(faint(0.25)) == ("material 'glass': lets 75 % of the light through; it is left out",)
-    assert remarks(faint(0.75)) == ("material 'glass': lets 25 % of the light through; it is drawn opaque",)
+    assert remarks(faint(0.25)) == ("material 'glass': most of the light goes through: left out",)
+    (said,) = remarks(faint(0.75))
+    assert said == "material 'glass': translucent, but most of the light is stopped: drawn opaque"
     assert remarks(faint(1)) == ()
     (said,) = remarks(faint(1), COLOR_0=[[1, 1, 1, 0.5]] * 4)
-    assert said.startswith("material 'glass': is translucent here and there; it has holes where more than half")
+    assert said.startswith("material 'glass': translucent here and there: a hole where more than half of the light")
     # Nothing goes through metal.
     dielectric = transmission(0.9) | {"pbrMetallicRoughness": {"metallicFactor": 0}}
-    assert remarks(dielectric) == ("material 'glass': lets 90 % of the light through; it is left out",)
+    assert remarks(dielectric) == ("material 'glass': most of the light goes through: left out",)
     assert remarks(transmission(0.9)) == ()
-    coat = {"extensions": {"KHR_materials_clearcoat": {}, "KHR_materials_unlit": {}}}
-    assert remarks(coat) == (
-        "material 'glass': has KHR_materials_clearcoat; the coat is left out",
-        "material 'glass': has KHR_materials_unlit; it is lit like matte paint",
+    coat: dict[str, Any] = {"extensions": {"KHR_materials_clearcoat": {}, "KHR_materials_unlit": {}}}
+    file = floor(coat)
+    file.document["materials"] += [coat | {"name": f"paint {number}"} for number in range(6)]
+    (primitive,) = file.document["meshes"][0]["primitives"]
+    file.document["meshes"][0]["primitives"] = [primitive | {"material": number} for number in range(7)]
+    names = "materials 0, 'paint 0', 'paint 1', 'paint 2', 'paint 3' and 2 more"
+    assert read(file).remarks == (
+        f"{names}: KHR_materials_clearcoat: the coat is left out",
+        f"{names}: KHR_materials_unlit: shown as matte paint, and lit",
     )
 
 
