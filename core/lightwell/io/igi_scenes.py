@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -53,6 +54,7 @@ def load_igi_scene(
     *,
     where: str = "scene",
     light: Floats | Sky | None = None,
+    roots: Sequence[Path] | None = None,
 ) -> LoadedIgiScene:
     """Read all that a scene names; its ``method`` must be igi.
 
@@ -68,13 +70,15 @@ def load_igi_scene(
         The scene's name in errors.
     light
         Distant light in place of the file's ``[light]``: a sky, or coefficients ``(bands², 3)``.
+    roots
+        Folders, without links, below which all that is named must lie; None: anywhere.
 
     Raises
     ------
     LightwellError
         Where something cannot be read; names the file and the field.
     """
-    loader = SceneLoader(folder, server, where)
+    loader = SceneLoader(folder, server, where, None if roots is None else tuple(roots))
     found = None if settings.scene is None else _scene_of(loader, settings.scene)
     objects = list(found.objects) if found is not None else []
     remarks = [f"{settings.scene}: {remark}" for remark in (found.remarks if found is not None else ())]

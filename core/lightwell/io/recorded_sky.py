@@ -23,12 +23,13 @@ def sky_of_picture(pixels: NDArray[np.floating], mapping: MappingSettings, gain:
     MappingError
         Where a probe of this mapping has no pictures of this size.
     """
-    whole = repair(pixels)
+    whole = np.ascontiguousarray(repair(pixels), np.float32)
+    height, width = whole.shape[:2]
     if mapping.kind == "latlong":
-        make_mapping(mapping, *whole.shape[:2])
+        make_mapping(mapping, height, width)
     else:
-        whole = _unwrapper(mapping, *whole.shape[:2])(np.ascontiguousarray(whole))
-    return Sky(np.maximum(gain * np.asarray(whole, np.float32), 0).astype(np.float32))
+        whole = np.asarray(_unwrapper(mapping, height, width)(whole), np.float32)
+    return Sky(np.maximum(np.float32(gain) * whole, 0))
 
 
 @lru_cache(maxsize=2)

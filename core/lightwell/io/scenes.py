@@ -265,6 +265,8 @@ class SceneLoader:
     folder: Path
     server: Server | None
     where: str
+    roots: tuple[Path, ...] | None = None
+    """Folders below which files must lie; None: anywhere."""
 
     def within(self, field: str) -> SceneLoader:
         """Return a loader whose errors name a field."""
@@ -412,13 +414,24 @@ class SceneLoader:
         return settings.bands or there
 
     def path(self, path: Path) -> Path:
-        """Return where a path of the scene file leads."""
+        """Return where a path of the scene file leads; raises `RenderError` where that is outside the roots."""
         if "\0" in str(path):
             raise RenderError(f"{self.where}: {str(path)!r} is no path: it holds a null character")
         try:
-            return self.folder / path.expanduser()
+            found = self.folder / path.expanduser()
+            self._require_inside(found, path)
+            return found
         except RuntimeError as error:
             raise RenderError(f"{self.where}: {path}: {error}") from None
+
+    def _require_inside(self, found: Path, named: Path) -> None:
+        """Raise `RenderError` where a file, all links followed, lies outside the roots."""
+        if self.roots is None or any(found.resolve().is_relative_to(root) for root in self.roots):
+            return
+        raise RenderError(
+            f"{self.where}: {named}: lies outside the folders from which a server takes files: put it beside the scene,"
+            " or add its folder to [jobs] data_roots"
+        )
 
     def _picture(self, path: Path) -> NDArray[np.floating]:
         try:
@@ -432,13 +445,18 @@ class SceneLoader:
             recording = open_recording(str(path), settings.video, settings.stream)
             default = 0 if recording.coefficients is None else -1
             index = recording.frame(default if settings.frame is None else settings.frame)
-            if recording.coefficients is not None:
-                return recording.light_at(index)
-            return repair(read_recorded_picture(*recording.pictures[index], settings.video))
         except FrameError as error:
             raise RenderError(f"{self.where}.file: {path}: {error.reason}") from None
         except LightwellError as error:
             raise RenderError(f"{self.where}.file: {error}") from None
+        if recording.coefficients is not None:
+            return recording.light_at(index)
+        place, number = recording.pictures[index]
+        self._require_inside(place, Path(place.name))  # it may be a link
+        try:
+            return repair(read_recorded_picture(place, number, settings.video))
+        except FrameError as error:
+            raise RenderError(f"{self.where}.file: {place}: {error.reason}") from None
 
     def _transferred(self, name: str) -> list[tuple[Mesh, NDArray[np.floating]]]:
         path = self.path(Path(name))

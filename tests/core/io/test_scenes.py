@@ -24,6 +24,7 @@ from lightwell.io.scenes import (
     EV_MOST,
     LoadedScene,
     Probe,
+    SceneLoader,
     load_scene,
     meter,
     read_scene_settings,
@@ -31,7 +32,7 @@ from lightwell.io.scenes import (
     scene_settings,
 )
 from lightwell.render import DistantLight, FieldLight, Harmonics, Light, ModulatedLight, Panorama, render
-from lightwell.scene_settings import SceneSettings
+from lightwell.scene_settings import SceneLightSettings, SceneSettings
 from lightwell.sh.engines import convert
 from lightwell.sh.window import fixed_window
 
@@ -424,3 +425,26 @@ def test_every_option_says_what_it_is() -> None:
     for model in models:
         for name, field in model.get("properties", {}).items():
             assert "description" in field or "$ref" in field or "default" in field, name
+
+
+def test_scenes_of_a_server_take_files_of_its_folders_only(folder: Path, tmp_path: Path) -> None:
+    """What a scene file names, links followed, must lie below the roots."""
+    outside = tmp_path / "elsewhere"
+    outside.mkdir()
+    write_rgb(outside / "sky.exr", np.ones((4, 8, 3), np.float32))
+    inside = tmp_path / "scenes"
+    (inside / "hall").mkdir(parents=True)
+    (inside / "link.exr").symlink_to(outside / "sky.exr")
+    (inside / "hall" / "0.exr").symlink_to(outside / "sky.exr")
+    (inside / "sky.exr").write_bytes((outside / "sky.exr").read_bytes())
+    loader = SceneLoader(inside, None, "s.toml", (inside.resolve(),))
+
+    def light(file: str, **more: Any) -> Any:
+        return loader.light(SceneLightSettings.model_validate({"file": file} | more))
+
+    assert light("sky.exr")[1] is not None
+    assert light("../scenes/sky.exr")[1] is not None
+    for file in ("../elsewhere/sky.exr", str(outside / "sky.exr"), "link.exr", "~/sky.exr", "/etc/passwd", "hall"):
+        with pytest.raises(LightwellError, match=r"s\.toml: light: .* lies outside the folders .*\[jobs\] data_roots"):
+            light(file)
+    assert SceneLoader(inside, None, "s.toml").path(Path("link.exr")) == inside / "link.exr"
