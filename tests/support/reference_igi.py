@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.geometry.rays import RayScene
+from lightwell.igi.filter import PLANE_TOLERANCE, SAME_NORMAL, Reach
+from lightwell.igi.gbuffer import GBuffer
 from lightwell.igi.lights import BOUNDARY, DIRECTIONAL, POINT, SURFACE, LightSets, VirtualLights
 from lightwell.igi.surfaces import Surfaces
 from lightwell.sh.basis import evaluate
@@ -126,3 +128,26 @@ def first_solid(surfaces: Surfaces, origin: Floats, direction: Floats) -> tuple[
         if alpha * (1 - material.transmission) >= material.hole_below:
             return int(triangle), float(t[triangle])
     return -1, np.inf
+
+
+def incident_of_rays(
+    fine: GBuffer, centre: GBuffer, before: NDArray[Any], after: NDArray[Any], samples: int, reach: Reach
+) -> list[Floats | None]:
+    """What each ray takes: its pixel's after the filter, the mean over its surface in the window, or None."""
+    found: list[Floats | None] = []
+    for i, j in np.ndindex(fine.seen.shape):
+        if not fine.seen[i, j]:
+            found.append(np.zeros(before.shape[2]))
+            continue
+        row, column = i // samples, j // samples
+        window = (
+            slice(row, row + reach.up + reach.down + 1),
+            slice(column, column + reach.left + reach.right + 1),
+        )
+        same = centre.seen & (centre.geometric @ fine.geometric[i, j] > SAME_NORMAL)
+        same &= np.abs((centre.place - fine.place[i, j]) @ fine.geometric[i, j]) < PLANE_TOLERANCE * fine.depth[i, j]
+        if same[row + reach.up, column + reach.left]:
+            found.append(after[row, column])
+        else:
+            found.append(before[window][same[window]].mean(axis=0) if same[window].any() else None)
+    return found
