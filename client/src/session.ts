@@ -13,7 +13,7 @@ import { listFields, listStreams, type FieldDescription, type StreamDescription,
 import type { Vector3 } from "./sh.ts";
 import { TimeTravel } from "./time.ts";
 import { OWN_OBJECTS, change, view } from "./view.ts";
-import type { Near, Viewport } from "./viewport.ts";
+import type { Near, ShownCamera, Viewport } from "./viewport.ts";
 import type { FieldMember, Frame, StreamInfo, StreamStatus } from "./wire.ts";
 
 const REFRESH_MS = 250;
@@ -69,10 +69,13 @@ export const objectProblem = signal("");
 /** Whether an object is being fetched. */
 export const objectIsComing = signal(false);
 export const snapshot = signal<Snapshot | null>(null);
+/** Asks for the picture's camera as it is now; `null` before there is a picture. */
+export const shownCamera = signal<(() => ShownCamera) | null>(null);
 
 /** Follow the chosen stream, grid and object, and keep the signals fresh. */
 export function startSession(viewport: Viewport, time: TimeTravel): void {
   let followed: string | null = null;
+  shownCamera.value = () => viewport.shownCamera;
   effect(() => {
     const { stream } = view.value;
     if (stream === null) {

@@ -72,6 +72,14 @@ export interface Near {
   problem: string;
 }
 
+/** From where the picture is seen, world metres. */
+export interface ShownCamera {
+  position: Triple;
+  target: Triple;
+  /** From the lower to the upper edge. */
+  fovDegrees: number;
+}
+
 /** What there is about the object: a grid, probes, or nothing but light from afar. */
 type Setting = "grid" | "probes" | "afar";
 
@@ -197,6 +205,10 @@ export class Viewport {
     new ResizeObserver(() => this.resize()).observe(canvas);
     view.subscribe((value) => this.applyView(value));
     this.resize();
+  }
+
+  get shownCamera(): ShownCamera {
+    return { position: this.camera.position.toArray(), target: this.controls.target.toArray(), fovDegrees: this.camera.fov };
   }
 
   /** Fetch the objects and start to draw. */

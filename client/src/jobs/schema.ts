@@ -3,7 +3,7 @@
 import type { FieldError } from "../api.ts";
 import type { Json, JsonObject } from "../rest.ts";
 
-export type Input = "text" | "number" | "integer" | "flag" | "choice" | "list";
+export type Input = "text" | "number" | "integer" | "flag" | "choice" | "list" | "rows";
 
 export interface Field {
   /** Dotted path in the settings. */
@@ -17,6 +17,8 @@ export interface Field {
   fallback: Json | undefined;
   min: number | null;
   max: number | null;
+  /** Of rows: what each of them has. */
+  columns: readonly Field[];
 }
 
 /** What is typed, by path; a field that is not there has its default. */
@@ -54,19 +56,28 @@ export function fieldsOf(schema: JsonObject, root: JsonObject = schema, prefix =
       fields.push(...fieldsOf(property, root, `${path}.`));
       continue;
     }
+    const columns = columnsOf(property, root);
     fields.push({
       path,
       label: labelOf(path),
       hint: String(raw["description"] ?? resolved["description"] ?? ""),
-      input: inputOf(property),
+      input: columns.length > 0 ? "rows" : inputOf(property),
       options: optionsOf(property),
       required: required.includes(name) && prefix === "",
       fallback: "default" in property ? (property["default"] as Json) : undefined,
       min: numberOf(property, "minimum", "exclusiveMinimum"),
       max: numberOf(property, "maximum", "exclusiveMaximum"),
+      columns,
     });
   }
   return fields;
+}
+
+/** The fields of each item of a list of objects; none where it is a list of anything else. */
+function columnsOf(property: JsonObject, root: JsonObject): Field[] {
+  const items = property["items"] as JsonObject | undefined;
+  const item = property["type"] === "array" && items !== undefined ? resolve(items, root) : {};
+  return item["properties"] === undefined ? [] : fieldsOf(item, root);
 }
 
 function resolve(schema: JsonObject, root: JsonObject): JsonObject {
@@ -117,9 +128,12 @@ function numberOf(property: JsonObject, ...names: string[]): number | null {
   return null;
 }
 
-/** How a value looks in an input. Lists are numbers with commas between them, rows with semicolons. */
+/** How a value looks in an input. Lists are numbers with commas between them, rows with semicolons; objects are JSON. */
 export function written(value: Json | undefined): string {
   if (value === undefined || value === null) return "";
+  if (Array.isArray(value) && value.some((item) => typeof item === "object" && item !== null && !Array.isArray(item))) {
+    return JSON.stringify(value);
+  }
   if (!Array.isArray(value)) return typeof value === "object" ? JSON.stringify(value) : String(value);
   return value.map((item) => (Array.isArray(item) ? item.join(",") : String(item))).join(value.some(Array.isArray) ? "; " : ",");
 }
@@ -158,12 +172,13 @@ export function settingsOf(fields: readonly Field[], draft: Draft): JsonObject {
   return settings;
 }
 
-function valueOf(field: Field, typed: string | boolean): Json | undefined {
+/** The value that something typed stands for; `undefined`: the default. */
+export function valueOf(field: Field, typed: string | boolean): Json | undefined {
   if (typeof typed === "boolean") return typed;
   const text = typed.trim();
   if (text === "") return undefined;
   if (field.input === "number" || field.input === "integer") return Number.isFinite(Number(text)) ? Number(text) : text;
-  return field.input === "list" ? listFrom(text) : text;
+  return field.input === "list" || field.input === "rows" ? listFrom(text) : text;
 }
 
 function put(target: JsonObject, path: string[], value: Json): void {

@@ -2,10 +2,11 @@ import { useEffect } from "preact/hooks";
 
 import { captures, refreshCaptures } from "../captures.ts";
 import { NORMAL_PRIORITY, basicOf, closeForm, estimate, fieldsOfKind, form, note, submitForm } from "../jobs/form.ts";
+import { rowOfCamera } from "../jobs/rows.ts";
 import { kinds } from "../jobs/store.ts";
 import { bytes, duration, kindTitle } from "../jobs/words.ts";
 import { grids, refreshResults, uploads } from "../results.ts";
-import { streams } from "../session.ts";
+import { shownCamera, streams } from "../session.ts";
 import { SchemaForm, type Suggestion } from "./SchemaForm.tsx";
 import { Wrong } from "./controls.tsx";
 
@@ -37,6 +38,14 @@ function suggestionsOf(): Record<string, Suggestion[]> {
     "light.grid": (grids.value ?? []).map(({ id, capture }) => ({ value: id, label: capture })),
   };
 }
+
+/** The picture's camera as one of a path: both are in world metres, +Z up. */
+const ROW_SOURCES = {
+  "camera.path": {
+    label: "Add what is shown now",
+    make: () => (shownCamera.value === null ? null : rowOfCamera(shownCamera.value())),
+  },
+};
 
 /** A new job: kind, settings, what it would need, and off. */
 export function JobForm() {
@@ -80,6 +89,7 @@ export function JobForm() {
         errors={value.errors}
         choices={choicesOf()}
         suggestions={suggestionsOf()}
+        rowSources={ROW_SOURCES}
         onChange={(draft) => note({ draft, estimate: null })}
       />
       <div class="field">

@@ -4,6 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 
 import type { FieldError } from "../api.ts";
 import { complaint, written, type Draft, type Field } from "../jobs/schema.ts";
+import { RowsInput, type RowSource } from "./RowsInput.tsx";
 
 export interface Suggestion {
   value: string;
@@ -21,9 +22,11 @@ interface Props {
   choices?: Readonly<Record<string, readonly Suggestion[]>>;
   /** Paths for which something else may be typed too. */
   suggestions?: Readonly<Record<string, readonly Suggestion[]>>;
+  /** Paths of lists whose rows may come from elsewhere. */
+  rowSources?: Readonly<Record<string, RowSource>>;
 }
 
-export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {}, suggestions = {} }: Props) {
+export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {}, suggestions = {}, rowSources = {} }: Props) {
   const root = useRef<HTMLDivElement>(null);
   useEffect(() => {
     // What is wrong may have been scrolled away.
@@ -41,6 +44,7 @@ export function SchemaForm({ fields, basic, draft, onChange, errors, choices = {
       error={complaint(field, errors)}
       choices={choices[field.path]}
       suggestions={suggestions[field.path] ?? []}
+      rowSource={rowSources[field.path]}
       onChange={(value) => onChange({ ...draft, [field.path]: value })}
     />
   );
@@ -63,10 +67,11 @@ interface FieldProps {
   error: string;
   choices: readonly Suggestion[] | undefined;
   suggestions: readonly Suggestion[];
+  rowSource: RowSource | undefined;
   onChange: (value: string | boolean) => void;
 }
 
-function FieldInput({ field, typed, error, choices, suggestions, onChange }: FieldProps) {
+function FieldInput({ field, typed, error, choices, suggestions, rowSource, onChange }: FieldProps) {
   const id = `field-${field.path}`;
   const fallback = written(field.fallback);
   const common = {
@@ -89,6 +94,8 @@ function FieldInput({ field, typed, error, choices, suggestions, onChange }: Fie
         onChange={(event) => onChange(event.currentTarget.checked)}
       />
     );
+  } else if (field.input === "rows") {
+    input = <RowsInput field={field} typed={typed} source={rowSource} describedBy={`${id}-hint`} onChange={onChange} />;
   } else if (choices !== undefined || field.input === "choice") {
     const options = choices ?? field.options.map((option) => ({ value: option, label: option }));
     const shown = value ?? fallback;
@@ -122,7 +129,7 @@ function FieldInput({ field, typed, error, choices, suggestions, onChange }: Fie
   }
   return (
     <div class={error === "" ? "field" : "field invalid"}>
-      <label for={id}>{field.label}</label>
+      {field.input !== "rows" && <label for={id}>{field.label}</label>}
       {input}
       {choices === undefined && suggestions.length > 0 && (
         <datalist id={`${id}-list`}>
