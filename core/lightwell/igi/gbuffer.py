@@ -51,7 +51,8 @@ def look(
     eye = np.array(camera.position, np.float32)
     triangles, barycentric, distance = _first_visible(surfaces, eye, directions)
     seen = triangles >= 0
-    points = surfaces.at(triangles[seen], barycentric[seen], directions[seen])
+    width = distance[seen] * np.float32(2 * np.tan(np.radians(camera.fov_degrees) / 2) / size[1])
+    points = surfaces.at(triangles[seen], barycentric[seen], directions[seen], width)
 
     def spread(values: Singles, empty: float = 0.0) -> Singles:
         if seen.all():

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lightwell.geometry.mesh import Mesh
 from lightwell.igi.materials import Colour, IgiMaterial
 from lightwell.igi.sky import Sky
-from lightwell.render.light import FieldLight
+from lightwell.render.light import StaticField
 
 Singles = NDArray[np.float32]
 Place = tuple[float, float, float]
@@ -102,8 +102,8 @@ class IgiScene:
     """Punctual lights; emissive surfaces are lamps by themselves."""
     sky: Sky | None = None
     """Distant surroundings, also seen behind the objects."""
-    field: FieldLight | None = None
-    """A grid of what was captured: its light comes in at the boundary of its volume."""
+    field: StaticField | None = None
+    """A grid of what was captured, or light groups: their light comes in at the boundary of their volume."""
 
 
 def _require_light(what: str, power: Colour, place: Place) -> None:

@@ -14,6 +14,7 @@ from lightwell.igi.coverage import WHOLE, Coverage, by_material
 from lightwell.igi.holes import HoledScene
 from lightwell.igi.materials import IgiMaterial, phong_exponent
 from lightwell.igi.scene import IgiObject, IgiScene
+from lightwell.igi.textures import Texture
 from lightwell.transfer.surface import LIFT, LIFT_ULPS, merge
 
 Floats = NDArray[np.float64]
@@ -21,6 +22,8 @@ Singles = NDArray[np.float32]
 Int32s = NDArray[np.int32]
 
 _AXES = np.eye(3, dtype=np.float32)
+LEAST_COSINE = np.float32(0.05)
+"""Of a ray to a surface: it is taken for no more slanting where textures are averaged."""
 MOST_CENTRES = 1 << 16
 """So many triangles are looked at for the mean reflectivity."""
 
@@ -108,8 +111,17 @@ class Surfaces:
             emission[~self._coverage.solid(triangles, places)] = 0
         return emission
 
-    def at(self, triangles: NDArray[np.integer], barycentric: Singles, directions: Singles) -> SurfacePoints:
-        """Return what is at points of triangles ``(n,)``, at ``(n, 2)``, that rays meet along ``(n, 3)``."""
+    def at(
+        self,
+        triangles: NDArray[np.integer],
+        barycentric: Singles,
+        directions: Singles,
+        width: Singles | None = None,
+    ) -> SurfacePoints:
+        """Return what is at points of triangles ``(n,)``, at ``(n, 2)``, that rays meet along ``(n, 3)``.
+
+        ``width (n,)``: metres that rays are wide there, over which textures are averaged; by default they are lines.
+        """
         corners = self.mesh.triangles[triangles]
         weights = np.stack([1 - barycentric[:, 0] - barycentric[:, 1], barycentric[:, 0], barycentric[:, 1]], axis=1)
         owner = self.owner[triangles]
@@ -124,20 +136,31 @@ class Surfaces:
             base[own] = _interpolated(self.mesh.albedo, corners[own], weights[own])
         metallic, roughness, emission = table.metallic[owner], table.roughness[owner], table.emission[owner]
         made_of = self._made_of[owner] if self._textured else owner
+        if width is not None:
+            # A square as large as what a slanting ray covers, which is longer than it is wide.
+            cosine = np.maximum(np.abs(_dot(fronts, directions)), LEAST_COSINE)
+            width = np.asarray(width / np.sqrt(cosine), np.float32)
         for number in self._textured:
             here = np.flatnonzero(made_of == number)
             if not here.size:
                 continue
             material = self._materials[number]
-            spot = _Spot(self, triangles[here], corners[here], weights[here], normals[here])
+            spot = _Spot(
+                self,
+                triangles[here],
+                corners[here],
+                weights[here],
+                normals[here],
+                None if width is None else width[here],
+            )
             if (texture := material.base_texture) is not None:
-                base[here] *= np.clip(texture.at(spot.uv(texture.uv_set)), 0, 1)
+                base[here] *= np.clip(spot.value(texture), 0, 1)
             if (texture := material.metallic_roughness_texture) is not None:
-                values = np.clip(texture.at(spot.uv(texture.uv_set)), 0, 1)
+                values = np.clip(spot.value(texture), 0, 1)
                 roughness[here] *= values[:, 1]
                 metallic[here] *= values[:, 2]
             if (texture := material.emission_texture) is not None:
-                emission[here] *= np.maximum(texture.at(spot.uv(texture.uv_set)), 0)
+                emission[here] *= np.maximum(spot.value(texture), 0)
             if material.normal_texture is not None or material.bump_texture is not None:
                 normals[here] = spot.turned_normals(material)
         normals = _unit(normals, fronts)
@@ -175,9 +198,16 @@ class _Spot:
     """Points of one object, and what its textures need to know of them."""
 
     def __init__(
-        self, surfaces: Surfaces, triangles: NDArray[np.integer], corners: Int32s, weights: Singles, normals: Singles
+        self,
+        surfaces: Surfaces,
+        triangles: NDArray[np.integer],
+        corners: Int32s,
+        weights: Singles,
+        normals: Singles,
+        width: Singles | None,
     ) -> None:
         self._surfaces, self._triangles, self._corners, self._weights = surfaces, triangles, corners, weights
+        self._width = width
         self._normals = _unit(normals, surfaces.fronts[triangles])
         self._known: dict[int, Singles] = {}
 
@@ -186,11 +216,24 @@ class _Spot:
             self._known[number] = _interpolated(self._surfaces.uv_of(number), self._corners, self._weights)
         return self._known[number]
 
+    def value(self, texture: Texture) -> Singles:
+        """Return what a texture says, ``(n, C)``."""
+        return texture.at(self.uv(texture.uv_set), None if self._width is None else self._uv_width(texture.uv_set))
+
+    def _uv_width(self, number: int) -> Singles:
+        """Return how wide rays are in texture coordinates, ``(n,)``: the root of how areas are mapped."""
+        assert self._width is not None
+        uv = self._surfaces.uv_of(number)[self._corners]
+        d1, d2 = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+        mapped = np.abs(d1[:, 0] * d2[:, 1] - d2[:, 0] * d1[:, 1]) / 2
+        area = np.maximum(self._surfaces.areas[self._triangles].astype(np.float32), np.float32(1e-30))
+        return np.asarray(self._width * np.sqrt(mapped / area), np.float32)
+
     def turned_normals(self, material: IgiMaterial) -> Singles:
         """Return the normals as the normal or the bump texture turns them, ``(n, 3)``, not of unit length."""
         n = self._normals
         if (texture := material.normal_texture) is not None:
-            local = 2 * texture.at(self.uv(texture.uv_set)) - 1
+            local = 2 * self.value(texture) - 1
             local[:, :2] *= np.float32(material.normal_scale)
             tangent, bitangent = self._frame(texture.uv_set)
             return np.asarray(local[:, :1] * tangent + local[:, 1:2] * bitangent + local[:, 2:] * n, np.float32)

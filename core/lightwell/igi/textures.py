@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,17 +43,62 @@ class Texture:
         if self.transform is not None and np.shape(self.transform) != (2, 3):
             raise ValueError(f"the texture's transform has the shape {np.shape(self.transform)}; (2, 3) is needed")
 
-    def at(self, uv: Singles) -> Singles:
-        """Return the values ``(n, C)`` at texture coordinates ``(n, 2)``."""
-        height, width, _ = self.pixels.shape
+    def at(self, uv: Singles, width: Singles | None = None) -> Singles:
+        """Return the values ``(n, C)`` at texture coordinates ``(n, 2)``.
+
+        ``width (n,)``: means over squares of this side in texture coordinates, as smaller pictures have them
+        (trilinear); by default of no size. Nearest texels are no means ever.
+        """
         u, v = self._placed(uv)
         if not self.is_smooth:
-            column, row = np.floor(u * width).astype(np.int64), np.floor(v * height).astype(np.int64)
-            return self._values(_wrapped(row, height, self.wrap[1]), _wrapped(column, width, self.wrap[0]))
+            height, across = self.pixels.shape[:2]
+            column, row = np.floor(u * across).astype(np.int64), np.floor(v * height).astype(np.int64)
+            return self._decoded(
+                self.pixels[_wrapped(row, height, self.wrap[1]), _wrapped(column, across, self.wrap[0])]
+            )
+        if width is None:
+            return self._bilinear(self.pixels, u, v)
+        scale = 1.0 if self.transform is None else float(np.sqrt(abs(np.linalg.det(self.transform[:, :2]))))
+        texels = np.maximum(width * np.float32(scale * np.sqrt(self.pixels.shape[0] * self.pixels.shape[1])), 1)
+        # Of a width of 2^l (1 + f) texels: level l, and f of the next one. No logarithm, whose last digits may vary.
+        mantissa, exponent = np.frexp(np.minimum(texels, np.float32(1 << 20)))
+        level, further = exponent - 1, (2 * mantissa - 1)[:, None]
+        values = np.empty((len(uv), self.pixels.shape[2]), np.float32)
+        for number in range(int(level.min(initial=0)), int(level.max(initial=0)) + 1):
+            here = np.flatnonzero(level == number)
+            fine, coarse = (self._level(number + step) for step in (0, 1))
+            part, share = self._bilinear(fine, u[here], v[here]), further[here]
+            if fine is not coarse and share.any():
+                part = part * (1 - share) + self._bilinear(coarse, u[here], v[here]) * share
+            values[here] = part
+        return values
+
+    def _level(self, number: int) -> Singles | NDArray[np.uint8]:
+        return self.pixels if number == 0 or not self._smaller else self._smaller[min(number, len(self._smaller)) - 1]
+
+    @cached_property
+    def _smaller(self) -> list[Singles | NDArray[np.uint8]]:
+        """Each half as large as the one before, down to one texel."""
+        found: list[Singles | NDArray[np.uint8]] = []
+        last = self.pixels
+        while max(last.shape[:2]) > 1:
+            last = self._halved(last)
+            found.append(last)
+        return found
+
+    def _halved(self, pixels: Singles | NDArray[np.uint8]) -> Singles | NDArray[np.uint8]:
+        """Return the means over 2 × 2 texels, of linear light; the last row and column of odd sizes are doubled."""
+        even = np.pad(pixels, [(0, pixels.shape[0] % 2), (0, pixels.shape[1] % 2), (0, 0)], mode="edge")
+        if even.dtype == np.uint8:
+            return np.asarray(_ENCODED[self.encoding][_sums_of_four(_FINE[self.encoding][even]) >> 2], np.uint8)
+        return np.asarray(_sums_of_four(even) / 4, np.float32)
+
+    def _bilinear(self, pixels: Singles | NDArray[np.uint8], u: NDArray[np.float64], v: NDArray[np.float64]) -> Singles:
+        height, width, _ = pixels.shape
         left, right, across = _texels(u * width - 0.5, width, self.wrap[0])
         upper, lower, down = _texels(v * height - 0.5, height, self.wrap[1])
-        above = self._values(upper, left) * (1 - across) + self._values(upper, right) * across
-        below = self._values(lower, left) * (1 - across) + self._values(lower, right) * across
+        above = self._decoded(pixels[upper, left]) * (1 - across) + self._decoded(pixels[upper, right]) * across
+        below = self._decoded(pixels[lower, left]) * (1 - across) + self._decoded(pixels[lower, right]) * across
         return np.asarray(above * (1 - down) + below * down, np.float32)
 
     def slopes_at(self, uv: Singles) -> Singles:
@@ -76,9 +122,8 @@ class Texture:
             return _DECODED[self.encoding][lowest], _DECODED[self.encoding][highest]
         return np.asarray(lowest, np.float32), np.asarray(highest, np.float32)
 
-    def _values(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Singles:
-        """Return linear texels, ``(n, C)``."""
-        texels = self.pixels[rows, columns]
+    def _decoded(self, texels: Singles | NDArray[np.uint8]) -> Singles:
+        """Return linear values of texels."""
         return np.asarray(_DECODED[self.encoding][texels] if texels.dtype == np.uint8 else texels, np.float32)
 
     def _placed(self, uv: Singles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -100,6 +145,21 @@ _DECODED: dict[Encoding, Singles] = {
     "srgb": linear_from_srgb(np.arange(256) / 255),
 }
 """Values of bytes."""
+_FINE: dict[Encoding, NDArray[np.uint32]] = {
+    name: np.round(values * np.float32(0xFFFF)).astype(np.uint32) for name, values in _DECODED.items()
+}
+"""The same, 65,535 for 1."""
+_HALVES = (np.arange(255) + 0.5) / 255
+_ENCODED: dict[Encoding, NDArray[np.uint8]] = {
+    "linear": np.searchsorted(_HALVES, np.arange(1 << 16) / 0xFFFF).astype(np.uint8),
+    "srgb": np.searchsorted(linear_from_srgb(_HALVES), np.arange(1 << 16) / 0xFFFF).astype(np.uint8),
+}
+"""The other way round."""
+
+
+def _sums_of_four(values: NDArray[Any]) -> NDArray[Any]:
+    rows = values[::2] + values[1::2]
+    return np.asarray(rows[:, ::2] + rows[:, 1::2])
 
 
 def _texels(place: NDArray[np.float64], size: int, wrap: Wrap) -> tuple[NDArray[np.int64], NDArray[np.int64], Singles]:

@@ -48,6 +48,7 @@ class Materials:
         self._pictures = pictures
         self._made: dict[int, IgiMaterial] = {}
         self._texels: dict[str, NDArray[np.uint8]] = {}
+        self._textures: dict[tuple[str, str], Texture | None] = {}
         self._said: dict[str, dict[str, None]] = {}
 
     @property
@@ -145,8 +146,15 @@ class Materials:
         return min(head_on * tint, 1.0) * float(extra.get("specularFactor", 1))
 
     def _texture(self, info: Mapping[str, Any] | None, material: str, kind: str) -> Texture | None:
+        """Return a texture, the same one for the same words: its smaller pictures are made once."""
         if info is None:
             return None
+        said = (json.dumps(info, sort_keys=True), kind)
+        if said not in self._textures:
+            self._textures[said] = self._new_texture(info, material, kind)
+        return self._textures[said]
+
+    def _new_texture(self, info: Mapping[str, Any], material: str, kind: str) -> Texture | None:
         entry = self._document["textures"][info["index"]]
         pixels = self._pixels(info, entry, material)
         if kind == "alpha":

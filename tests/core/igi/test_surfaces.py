@@ -144,3 +144,45 @@ def test_smooth_normals_and_flat_ones() -> None:
 def test_mistakes_are_named(make: Any, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def test_wide_rays_see_means_of_linear_light() -> None:
+    """A chequer of texels: black and white are a grey of one half, not of what lies halfway in sRGB."""
+    squares = np.indices((64, 64)).sum(axis=0)[..., None] % 2
+    uv = np.random.default_rng(1).random((50, 2)).astype(np.float32)
+    chequers = (
+        Texture(squares.astype(np.float32)),
+        Texture(squares.astype(np.uint8) * 255),
+        Texture(squares.astype(np.uint8) * 255, encoding="srgb"),
+    )
+    for texture in chequers:
+        for texels in (2.0, 3.0, 17.0, 64.0, 1e6):
+            np.testing.assert_allclose(texture.at(uv, np.full(50, texels / 64, np.float32)), 0.5, atol=4e-3)
+        for texels in (0.0, 0.5, 1.0):
+            np.testing.assert_array_equal(texture.at(uv, np.full(50, texels / 64, np.float32)), texture.at(uv))
+        half = texture.at(uv, np.full(50, 1.5 / 64, np.float32))
+        np.testing.assert_allclose(half, (texture.at(uv) + 0.5) / 2, atol=4e-3)
+    # Of a smooth picture of an odd size, and with a transform: the width is that in the picture.
+    smooth = (np.sin(np.linspace(0, 2 * np.pi, 75))[:, None] * np.cos(np.linspace(0, 3, 53))[None, :])[..., None] + 1
+    for transform in (None, np.array([[0.5, 0, 0.1], [0, 0.5, 0.2]])):
+        texture = Texture(smooth.astype(np.float32), ("clamp", "clamp"), transform=transform)
+        np.testing.assert_allclose(texture.at(uv, np.full(50, 4 / 63, np.float32)), texture.at(uv), atol=0.12)
+    # Each point by itself, to the last bit.
+    widths = np.geomspace(0.001, 1, 50).astype(np.float32)
+    apart = [texture.at(uv[k : k + 1], widths[k : k + 1])[0] for k in range(50)]
+    np.testing.assert_array_equal(texture.at(uv, widths), apart)
+    nearest = Texture(squares.astype(np.float32), is_smooth=False)
+    assert set(nearest.at(uv, widths).ravel()) == {0.0, 1.0}
+
+
+def test_how_wide_rays_are_on_textures() -> None:
+    """The square of 2 m has 64 texels: rays of 1/32 m are one wide, and slanting ones as wide as their patch's root."""
+    squares = (np.indices((64, 64)).sum(axis=0)[..., None] % 2).repeat(3, 2).astype(np.float32)
+    surfaces = flat(IgiMaterial(base=(1, 1, 1), specular=0, base_texture=Texture(squares)))
+    origins = np.array([[(k % 8) / 32 + 1 / 64, 1 / 64, 1] for k in range(8)], np.float32)
+    for slant, texels, expected in ((0.0, 1.0, None), (0.0, 2.0, 0.5), (0.75**0.5, 2.0 / 2**0.5, 0.5)):
+        along = np.tile(np.array([[slant, 0, -np.sqrt(1 - slant * slant)]], np.float32), (8, 1))
+        hits = surfaces.rays.intersect(origins, along)
+        seen_values = surfaces.at(hits.triangle, hits.barycentric, along, np.full(8, texels / 32, np.float32)).kd
+        lines = surfaces.at(hits.triangle, hits.barycentric, along).kd
+        np.testing.assert_allclose(seen_values, lines if expected is None else expected, atol=1e-3)
