@@ -14,7 +14,16 @@ from pydantic_core import PydanticCustomError
 
 from lightwell.conventions import DEFAULT_BANDS
 from lightwell.igi_settings import IgiSettings
-from lightwell.scene_settings import LINE_SUFFIXES, MAX_EV, MAX_PIXELS, MAX_SIDE, Place
+from lightwell.scene_settings import (
+    LINE_SUFFIXES,
+    MAX_EV,
+    MAX_PIXELS,
+    MAX_SIDE,
+    MOST_GROUPS,
+    Name,
+    Place,
+    one_or_more,
+)
 from lightwell.settings import MappingSettings, Settings, Vector3, WindowSettings
 from lightwell.video_settings import VideoSettings
 
@@ -212,8 +221,12 @@ class IgiLightSettings(Settings):
         min_length=1,
         description="name of a stream: its newest frame when the job is submitted; in lines of several: which of them",
     )
-    grid: str | None = Field(
-        None, min_length=1, description="id of a grid, or its folder below a data root; with map or stream it follows"
+    grid: Annotated[tuple[Name, ...] | None, BeforeValidator(one_or_more)] = Field(
+        None,
+        min_length=1,
+        max_length=MOST_GROUPS,
+        description="id of a grid, or its folder below a data root; or a list of those: light groups that add up; with"
+        " map or stream they follow",
     )
     gain: float = Field(1.0, ge=0, le=1e12, description="factor")
     probe_at: Place | None = Field(

@@ -105,7 +105,7 @@ class PictureSettings(Settings):
         return self
 
 
-def _names(value: Any) -> Any:  # noqa: ANN401
+def one_or_more(value: Any) -> Any:  # noqa: ANN401
     """Take one name, or a list of them."""
     return (value,) if isinstance(value, str) else value
 
@@ -140,7 +140,7 @@ class SceneLightSettings(Settings):
         description="how the light changes beside a probe. stream: true uses that, by default not; field: used where"
         " all its streams have some, false leaves it out",
     )
-    grid: Annotated[tuple[Name, ...] | None, BeforeValidator(_names)] = Field(
+    grid: Annotated[tuple[Name, ...] | None, BeforeValidator(one_or_more)] = Field(
         None,
         min_length=1,
         max_length=MOST_GROUPS,

@@ -10,9 +10,8 @@ from lightwell.errors import LightwellError
 from lightwell.io.captures import Capture, open_capture
 from lightwell.job_settings import JobsSettings
 from lightwell_server.store import Store
+from lightwell_workers.jobs.roots import data_roots
 
-ROOTS = ("captures", "jobs", "meshes", "scenes", "uploads")
-"""Folders of the data directory below which inputs of jobs may lie."""
 CAPTURE_ID = re.compile(r"^[a-z0-9][a-z0-9_-]{0,62}$")
 
 
@@ -46,7 +45,8 @@ class Captures:
     def __init__(self, store: Store, settings: JobsSettings, data_dir: Path) -> None:
         self._store = store
         self._data_dir = data_dir.absolute()
-        self._roots = tuple(root.resolve() for root in (*(data_dir / name for name in ROOTS), *settings.data_roots))
+        self.roots = data_roots(settings, data_dir)
+        """Folders below which inputs of jobs may lie."""
 
     def all(self) -> list[Registered]:
         """Return the captures by id."""
@@ -105,9 +105,9 @@ class Captures:
             directory = (self._data_dir / path).resolve()
         except (OSError, ValueError, RuntimeError):
             raise CaptureRefusedError(f"{path!r} is no usable path") from None
-        if not any(directory.is_relative_to(root) for root in self._roots):
+        if not any(directory.is_relative_to(root) for root in self.roots):
             raise CaptureRefusedError(
-                f"{path}: lies outside the data roots; move it below {self._roots[0]}, or add its folder to "
+                f"{path}: lies outside the data roots; move it below {self.roots[0]}, or add its folder to "
                 "[jobs] data_roots"
             )
         return directory

@@ -34,7 +34,7 @@ def igi_input(parts: Services, settings: IgiRenderSettings, earlier: Job | None)
     if light.frames is not None:
         changes["frames"] = str(parts.captures.allowed(light.frames))
     if light.grid is not None:
-        changes["grid"] = _grid(parts, light.grid)
+        changes["grid"] = tuple(_grid(parts, named) for named in light.grid)
     placed = settings.model_copy(
         update={
             "scene": str(file_of(parts, settings.scene, "mesh", "scene")),

@@ -13,7 +13,7 @@ from lightwell.conventions import LUMINANCE
 from lightwell.igi.lights import BOUNDARY, VirtualLights, make_lights
 from lightwell.igi.sources import Floats, Rays, cosine_directions, pick
 from lightwell.igi.surfaces import Surfaces
-from lightwell.render.light import FieldLight
+from lightwell.render.light import StaticField
 from lightwell.sh.basis import evaluate
 from lightwell.sh.lobes import lambert_zonal, zonal_to_coefficients
 from lightwell.sh.window import apply_window, fixed_window
@@ -31,9 +31,8 @@ class Boundary:
 
     is_sampled = True
 
-    def __init__(self, field: FieldLight, surfaces: Surfaces) -> None:
-        spec = field.grid.spec
-        lower, upper = np.array(spec.lower, np.float64), np.array(spec.upper, np.float64)
+    def __init__(self, field: StaticField, surfaces: Surfaces) -> None:
+        lower, upper = field.box
         if len(surfaces.areas):
             low, high = (corner.astype(np.float64) for corner in surfaces.mesh.bounds)
             room = MARGIN * surfaces.radius

@@ -22,7 +22,7 @@ from lightwell.io.gltf_scene import SCENE_SUFFIXES, GltfScene, load_gltf_scene
 from lightwell.io.meshes import Z_UP, load_meshes
 from lightwell.io.scenes import SceneLoader, Server, placed, placed_camera
 from lightwell.render.camera import Camera
-from lightwell.render.light import DistantLight, FieldLight, ModulatedLight
+from lightwell.render.light import DistantLight, FieldLight, ModulatedLight, StaticField, SummedLight
 from lightwell.scene_settings import PictureSettings, SceneLightSettings, SceneObjectSettings, SceneSettings
 
 Floats = NDArray[np.float64]
@@ -98,7 +98,8 @@ def load_igi_scene(
         remarks.append(f"{where}: picture.samples: is left out; igi takes one ray a pixel: render larger and shrink")
     scene = IgiScene(tuple(objects), () if found is None else found.lamps, sky, field)
     if _is_dark(scene):
-        remarks.append(f"{where}: there is no light: no [light], no lamp and nothing that emits; the picture is black")
+        given = "no [light]" if sky is None else "what [light] names is black"
+        remarks.append(f"{where}: there is no light: {given}, no lamp shines and nothing emits; the picture is black")
     if settings.camera.position is not None:
         camera = placed_camera(settings.camera)
     else:
@@ -136,16 +137,15 @@ def _scene_of(loader: SceneLoader, path: Path) -> GltfScene:
 
 def _light(
     loader: SceneLoader, settings: SceneLightSettings, objects: list[IgiObject]
-) -> tuple[Sky | None, FieldLight | None]:
+) -> tuple[Sky | None, StaticField | None]:
     """Return the distant part of the light, and its grid."""
-    if settings.grid is not None and len(settings.grid) > 1:
-        raise RenderError(f"{loader.where}: light.grid: igi takes one grid, not {len(settings.grid)}: name one")
     light, picture = loader.light(settings)
     match light:
-        case FieldLight():
+        case FieldLight() | SummedLight():
             return None, light
-        case ModulatedLight():
-            return sky_of_harmonics(light.rest) if light.rest.any() else None, light.fields[0]
+        case ModulatedLight(fields=fields, rest=rest):
+            field = fields[0] if len(fields) == 1 else SummedLight(fields)
+            return sky_of_harmonics(rest) if rest.any() else None, field
         case DistantLight() if picture is not None:
             return Sky(np.maximum(picture, 0).astype(np.float32)), None
         case DistantLight():

@@ -99,6 +99,11 @@ class FieldLight:
         """SH bands."""
         return min(self.grid.bands, self.most_bands or self.grid.bands)
 
+    @property
+    def box(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner of the grid's volume, ``(3,)`` metres each."""
+        return np.array(self.grid.spec.lower, np.float64), np.array(self.grid.spec.upper, np.float64)
+
     def at(self, points: Floats) -> Floats:
         """Return ``(n, bands², 3)``."""
         found = self.grid.sample(points, bands=self.bands).coefficients
@@ -118,12 +123,21 @@ class SummedLight:
         """SH bands."""
         return max(field.bands for field in self.fields)
 
+    @property
+    def box(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner of what holds all their volumes."""
+        lower, upper = zip(*(field.box for field in self.fields), strict=True)
+        return np.min(lower, axis=0), np.max(upper, axis=0)
+
     def at(self, points: Floats) -> Floats:
         """Return ``(n, bands², 3)``."""
         total = np.zeros((len(points), coefficient_count(self.bands), 3))
         for field in self.fields:
             total[:, : coefficient_count(field.bands)] += field.at(points)
         return total
+
+
+StaticField = FieldLight | SummedLight
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.support.igi_scenes import ROOM_CAMERA, lamp, matte, panel, panel_room, placed
@@ -26,7 +28,7 @@ from lightwell.igi import (
 from lightwell.igi.rendering import cut
 from lightwell.igi_settings import IgiFilter, IgiSettings
 from lightwell.render import Camera
-from lightwell.render.light import FieldLight
+from lightwell.render.light import FieldLight, SummedLight
 
 LAYERS = ("colour", "coverage", "normal", "depth", "albedo", "direct", "indirect", "set", "coefficients")
 ALL = IgiSettings(
@@ -133,6 +135,10 @@ def test_even_light_of_a_grid_is_that_of_an_even_sky() -> None:
     settings = IgiSettings(vpls=4096, bounces=0, clamp=0)
     picture = render_igi(IgiScene((ground,), field=field), Camera((0, 0, 1.5), (0, 0, 0)), (16, 16), settings)
     np.testing.assert_allclose(picture.colour[picture.coverage == 1], 0.8, rtol=0.02)
+    # Light groups add up, each with a gain of its own.
+    groups = SummedLight(tuple(replace(field, gain=np.array(gain)) for gain in ([0.25, 0.5, 1.0], [0.75, 0.5, 0.0])))
+    both = render_igi(IgiScene((ground,), field=groups), Camera((0, 0, 1.5), (0, 0, 0)), (16, 16), settings)
+    np.testing.assert_allclose(both.colour, picture.colour, rtol=1e-4)
 
 
 def test_a_sky_of_coefficients() -> None:

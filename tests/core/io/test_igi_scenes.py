@@ -145,8 +145,11 @@ def test_light_of_a_picture_a_document_a_stream_a_grid_and_a_grid_that_follows(f
     follows = load(folder, light={"grid": "grid.zarr", "file": "light.json"}).scene
     assert follows.field is not None
     assert follows.sky is not None
-    with pytest.raises(RenderError, match=r"light\.grid: igi takes one grid, not 2: name one"):
-        load(folder, light={"grid": ["grid.zarr", "grid.zarr"]})
+    groups = load(folder, light={"grid": ["grid.zarr", "grid.zarr"], "gain": 3}).scene
+    assert groups.field is not None
+    np.testing.assert_allclose(groups.field.at(place), 6 * field_grid().sample(place).coefficients, rtol=1e-6)
+    for one, other in zip(groups.field.box, scene.field.box, strict=True):
+        np.testing.assert_array_equal(one, other)
     with pytest.raises(RenderError, match=r"name it as light\.file"):
         load(folder, light={"file": "map.exr"}, backdrop={"file": "map.exr"})
 
@@ -177,8 +180,11 @@ def test_a_recorded_frame_of_another_mapping(folder: Path) -> None:
 def test_no_light_is_a_black_picture_and_is_said(folder: Path) -> None:
     loaded = load(folder, objects=[{"shape": "sphere"}])
     assert loaded.remarks == (
-        "s.toml: there is no light: no [light], no lamp and nothing that emits; the picture is black",
+        "s.toml: there is no light: no [light], no lamp shines and nothing emits; the picture is black",
     )
+    black = {"coefficients": [[0.0, 0.0, 0.0]]}
+    (folder / "black.json").write_text(json.dumps(black))
+    assert "what [light] names is black" in load(folder, light={"file": "black.json"}).remarks[0]
     picture = shoot(loaded)
     assert picture.coverage.max() == 1
     assert not picture.colour.any()

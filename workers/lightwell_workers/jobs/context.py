@@ -29,12 +29,21 @@ class Compute(Protocol):
 class JobContext:
     """One run of one job."""
 
-    def __init__(self, directory: JobDirectory, events: EventLog, compute: Compute, stop: threading.Event) -> None:
+    def __init__(
+        self,
+        directory: JobDirectory,
+        events: EventLog,
+        compute: Compute,
+        stop: threading.Event,
+        roots: Sequence[Path] | None = None,
+    ) -> None:
         self.directory = directory
         self.id = directory.id
         self.work = directory.work
         self.results = directory.work / "results"
         """What becomes the artefacts when all steps are done."""
+        self.roots = roots
+        """Folders below which files must lie that a file of the settings names; None: anywhere."""
         self._events = events
         self._compute = compute
         self._stop = stop

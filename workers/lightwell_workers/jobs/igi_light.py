@@ -15,6 +15,7 @@ from lightwell.io.files import write_atomically
 from lightwell.io.recorded_sky import sky_of_picture
 from lightwell.io.recordings import Recording, open_recording, read_recorded_picture
 from lightwell.job_settings import IgiLightSettings, IgiRenderSettings
+from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.kind import JobError
 
 COEFFICIENTS = "light.npy"
@@ -83,13 +84,13 @@ def _frame(recording: Recording, number: int) -> int:
         raise JobError(f"light.frame: {error}") from None
 
 
-def assign(settings: IgiRenderSettings, recording: Recording, count: int, work: Path) -> list[Shown]:
+def assign(settings: IgiRenderSettings, recording: Recording, count: int, context: JobContext) -> list[Shown]:
     """Return the light of each of ``count`` pictures; coefficients are written to the work folder.
 
     Raises
     ------
     JobError
-        Where ``light.frame`` is none of the recording's.
+        Where ``light.frame`` is none of the recording's, or a picture is a link to what the job may not read.
     """
     if settings.light.frame is None:
         moments = recording.moments(count, settings.fps)
@@ -97,11 +98,14 @@ def assign(settings: IgiRenderSettings, recording: Recording, count: int, work: 
         moments = np.full(count, float(_frame(recording, settings.light.frame)))
     if recording.coefficients is None:
         shown = [recording.pictures[int(moment)] for moment in moments]
+        for path in {path for path, _ in shown}:
+            if context.roots is not None and not any(path.resolve().is_relative_to(root) for root in context.roots):
+                raise JobError(f"light.frames: {path.name}: is a link out of the data roots; put the file itself there")
         return [Shown(str(path), number) for path, number in shown]
     different, rows = np.unique(moments, return_inverse=True)
     file = io.BytesIO()
     np.save(file, np.stack([recording.light_at(float(moment)) for moment in different]))
-    write_atomically(work / COEFFICIENTS, file.getvalue())
+    write_atomically(context.work / COEFFICIENTS, file.getvalue())
     return [Shown(COEFFICIENTS, int(row)) for row in rows]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -116,9 +117,9 @@ def channels_of(igi: IgiSettings) -> int:
     return 5 + coefficients + sum(LAYER_CHANNELS.get(layer, 0) for layer in igi.layers)
 
 
-def estimate(settings: IgiRenderSettings) -> Estimate:
+def estimate(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -> Estimate:
     """Return what a job needs; raises `LightwellError` where its scene or its frames cannot be used."""
-    scene, size = scene_of(settings), size_of(settings)
+    scene, size = scene_of(settings), size_of(settings, roots)
     igi, width, height = scene.igi, scene.picture.width, scene.picture.height
     frames = frame_count(settings)
     side = tile_side(igi, size.lamps)

@@ -45,11 +45,11 @@ class IgiRender:
         lights: list[Shown | None] = [None] * count
         first = None
         if recording is not None:
-            lights[:] = assign(settings, recording, count, context.work)
+            lights[:] = assign(settings, recording, count, context)
             assert lights[0] is not None
             first = read_sky(settings.light, lights[0], context.work)
         context.check()
-        loaded = load(settings, context.directory.path.parent, first)
+        loaded = load(settings, context.directory.path.parent, context.roots, first)
         remarks = [*(recording.remarks if recording is not None else ()), *loaded.remarks]
         for remark in remarks:
             context.log(remark, level="warning")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -122,13 +123,19 @@ def scene_of(settings: IgiRenderSettings) -> SceneSettings:
     return found.model_copy(update=changes)
 
 
-def load(settings: IgiRenderSettings, root: Path, light: Sky | None = None) -> LoadedIgiScene:
-    """Read all that is rendered; ``light`` in place of the scene's. ``root``: folder of all jobs."""
-    path = Path(settings.scene)
-    return load_igi_scene(scene_of(settings), path.parent, Snapshot(settings.light, root), where=path.name, light=light)
+def load(
+    settings: IgiRenderSettings, root: Path, roots: Sequence[Path] | None = None, light: Sky | None = None
+) -> LoadedIgiScene:
+    """Read all that is rendered.
+
+    ``root`` is the folder of all jobs, ``roots`` are those below which files must lie, ``light`` is taken in place of
+    the scene's.
+    """
+    path, server = Path(settings.scene), Snapshot(settings.light, root)
+    return load_igi_scene(scene_of(settings), path.parent, server, where=path.name, light=light, roots=roots)
 
 
-def size_of(settings: IgiRenderSettings) -> SceneSize:
+def size_of(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -> SceneSize:
     """Return how much a scene is, without its light; kept for as long as the file is the same."""
     path = Path(settings.scene)
     try:
@@ -137,16 +144,16 @@ def size_of(settings: IgiRenderSettings) -> SceneSize:
     except OSError:
         version = (0, 0)
     camera = settings.camera.model_dump_json(include={"name", "position", "path"})
-    return _size(settings.scene, version, camera)
+    return _size(settings.scene, version, camera, None if roots is None else tuple(roots))
 
 
 @lru_cache(maxsize=64)
-def _size(scene: str, version: tuple[int, int], camera: str) -> SceneSize:
+def _size(scene: str, version: tuple[int, int], camera: str, roots: tuple[Path, ...] | None) -> SceneSize:
     del version
     path = Path(scene)
     settings = IgiRenderSettings(scene=scene, camera=IgiCameraSettings.model_validate_json(camera))
     found = scene_of(settings).model_copy(update={"light": None})
-    loaded = load_igi_scene(found, path.parent, where=path.name).scene
+    loaded = load_igi_scene(found, path.parent, where=path.name, roots=roots).scene
     used = (texture.pixels for item in loaded.objects for texture in item.material.textures)
     textures = {id(pixels): pixels.size for pixels in used}
     return SceneSize(
@@ -199,7 +206,7 @@ def _light(settings: IgiRenderSettings, before: SceneLightSettings | None) -> Sc
         file=None if light.map is None else Path(light.map),
         mapping=light.mapping,
         stream=light.stream,
-        grid=None if light.grid is None else (light.grid,),
+        grid=light.grid,
         gain=light.gain,
         probe_at=light.probe_at if follows else None,
     )
