@@ -19,14 +19,17 @@ DEFENSIVE = 0.05
 
 
 class EmissiveSurfaces:
-    """Light of all emissive triangles: points by power, then even over each triangle."""
+    """Light of all emissive triangles, of both sides if two-sided: points by power, then even over each triangle."""
 
     is_sampled = True
 
     def __init__(self, surfaces: Surfaces) -> None:
         self._surfaces = surfaces
         emits = np.array([item.material.emits for item in surfaces.objects], np.bool_)
-        self._triangles = np.flatnonzero(emits[surfaces.owner] & (surfaces.areas > 0))
+        fronts = np.flatnonzero(emits[surfaces.owner] & (surfaces.areas > 0))
+        backs = fronts[surfaces.two_sided(fronts)]
+        self._triangles = np.concatenate([fronts, backs])
+        self._sides = np.repeat([1.0, -1.0], [len(fronts), len(backs)])
         areas = surfaces.areas[self._triangles]
         means = np.zeros((len(self._triangles), 3))
         for point in EMISSION_POINTS:
@@ -57,7 +60,7 @@ class EmissiveSurfaces:
         barycentric = np.stack([root * (1 - numbers[:, 2]), root * numbers[:, 2]], axis=1)
         corners = self._surfaces.mesh.positions.astype(np.float64)[self._surfaces.mesh.triangles[triangles]]
         u, v = barycentric[:, :1], barycentric[:, 1:]
-        normals = self._surfaces.fronts[triangles].astype(np.float64)
+        normals = self._surfaces.fronts[triangles].astype(np.float64) * self._sides[index, None]
         places = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2] + self._surfaces.lift * normals
         area = self._surfaces.areas[triangles] / (count * self._shares[index])
         return places, normals, np.pi * area[:, None] * self._surfaces.emission(triangles, barycentric), area

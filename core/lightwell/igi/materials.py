@@ -32,7 +32,7 @@ class IgiMaterial:
     specular: float = DIELECTRIC
     """f: reflectance, seen head-on, of what is not metal; 0: matte."""
     emission: Colour = (0.0, 0.0, 0.0)
-    """Radiance of the front, W·sr⁻¹·m⁻²."""
+    """Radiance of the front, and of the back where that is seen, W·sr⁻¹·m⁻²."""
     base_texture: Texture | None = None
     """Three channels that the base colour is multiplied with."""
     metallic_roughness_texture: Texture | None = None

@@ -28,6 +28,8 @@ class IgiObject:
     """``(V, 4)``: unit tangents, and ±1 for the side of the bitangent ``w n × t``; None: from texture coordinates."""
     alpha: Singles | None = None
     """``(V,)``, 0 … 1: the material's alpha is multiplied with it; None: 1."""
+    is_flat: bool = False
+    """Each triangle is shaded by its own normal instead of those of its vertices."""
 
     def __post_init__(self) -> None:
         count, name = len(self.mesh.positions), self.mesh.name

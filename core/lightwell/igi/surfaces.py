@@ -44,7 +44,7 @@ class SurfacePoints(NamedTuple):
     exponent: Singles
     """``(n,)``: of the lobe."""
     emission: Singles
-    """``(n, 3)`` radiance; zero on backs."""
+    """``(n, 3)`` radiance; zero on the back of what is not two-sided."""
     reflects: NDArray[np.bool_]
     """``(n,)``: false on the back of what is not two-sided."""
 
@@ -71,7 +71,7 @@ class Surfaces:
         largest = float(np.abs(self.mesh.positions).max())
         self.lift = max(2 * LIFT * self.radius, LIFT_ULPS * float(np.spacing(np.float32(largest))))
         """How far rays start above a surface, metres."""
-        self._table = _table([item.material for item in self.objects])
+        self._table = _table(self.objects)
         self._uv = _merged_uv(self.objects)
         self._tangents = _merged_tangents(self.objects)
         self._materials, self._made_of = by_material(self.objects)
@@ -128,8 +128,10 @@ class Surfaces:
         fronts = self.fronts[triangles]
         behind = _dot(fronts, directions) > 0
         side = np.where(behind, np.float32(-1), np.float32(1))[:, None]
-        normals = _interpolated(self.mesh.normals, corners, weights)
         table = self._table
+        normals = _interpolated(self.mesh.normals, corners, weights)
+        if table.is_flat.any():
+            normals = np.where(table.is_flat[owner][:, None], fronts, normals)
         base = table.base[owner]
         own = table.by_vertex[owner]
         if own.any():
@@ -167,7 +169,7 @@ class Surfaces:
         specular = table.specular[owner]
         rest = (1 - metallic)[:, None]
         visible = ~behind | table.two_sided[owner]
-        emission[behind] = 0
+        emission[~visible] = 0
         return SurfacePoints(
             _interpolated(self.mesh.positions, corners, weights),
             fronts * side,
@@ -179,10 +181,14 @@ class Surfaces:
             visible,
         )
 
+    def two_sided(self, triangles: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Say of triangles ``(n,)`` whether their backs are seen too, and shine and reflect as their fronts do."""
+        return np.asarray(self._table.two_sided[self.owner[triangles]])
+
     def hidden(self, triangles: NDArray[np.integer], directions: Singles) -> NDArray[np.bool_]:
         """Say of hits ``(n,)`` of rays along ``(n, 3)`` whether they are on backs that are not seen."""
         behind = _dot(self.fronts[triangles], directions) > 0
-        return np.asarray(behind & ~self._table.two_sided[self.owner[triangles]])
+        return np.asarray(behind & ~self.two_sided(triangles))
 
     def uv_of(self, number: int) -> Singles:
         """Return set ``number`` of texture coordinates of all vertices, ``(V, 2)``; zero where an object has none."""
@@ -296,9 +302,12 @@ class _Table(NamedTuple):
     specular: Singles
     emission: Singles
     two_sided: NDArray[np.bool_]
+    is_flat: NDArray[np.bool_]
 
 
-def _table(materials: list[IgiMaterial]) -> _Table:
+def _table(objects: tuple[IgiObject, ...]) -> _Table:
+    materials = [item.material for item in objects]
+
     def column(values: list[object], width: tuple[int, ...] = ()) -> Singles:
         return np.array(values, np.float32).reshape(len(materials), *width)
 
@@ -310,6 +319,7 @@ def _table(materials: list[IgiMaterial]) -> _Table:
         column([material.specular for material in materials]),
         column([material.emission for material in materials], (3,)),
         np.array([material.two_sided for material in materials], np.bool_),
+        np.array([item.is_flat for item in objects], np.bool_),
     )
 
 

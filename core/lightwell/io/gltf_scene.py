@@ -14,7 +14,7 @@ from lightwell.geometry.mesh import DEFAULT_ALBEDO
 from lightwell.igi.materials import IgiMaterial
 from lightwell.igi.scene import DirectionalLight, IgiObject, PointLight
 from lightwell.io.gltf import GltfObject, node_places, read_objects
-from lightwell.io.gltf_check import GltfError
+from lightwell.io.gltf_check import GltfError, is_shown
 from lightwell.io.gltf_colours import Pictures, vertex_alpha
 from lightwell.io.gltf_data import GltfData
 from lightwell.io.gltf_lamps import GltfCamera, read_cameras, read_lamps
@@ -105,11 +105,24 @@ def read_gltf_scene(
             for one in read_objects(document, data_of, None)
             if len(one.triangles)
         )
+        remarks = (*materials.remarks, *_skipped(document, places))
         lamps = tuple(read_lamps(document, places, Z_UP))
         cameras = tuple(read_cameras(document, places, Z_UP))
     if not (objects or lamps or cameras):
         raise MeshError(f"{name}: holds no triangles, lamps or cameras; export the scene, not points or lines")
-    return GltfScene(name, objects, lamps, cameras, tuple(materials.remarks))
+    return GltfScene(name, objects, lamps, cameras, remarks)
+
+
+def _skipped(document: Mapping[str, Any], places: Mapping[int, NDArray[np.float64]]) -> list[str]:
+    """Return remarks on what of the nodes' meshes has no surface, and on what moves."""
+    nodes, found = document.get("nodes", []), []
+    meshes = [document["meshes"][nodes[index]["mesh"]] for index in places if "mesh" in nodes[index]]
+    count = sum(not is_shown(primitive) for mesh in meshes for primitive in mesh["primitives"])
+    if count:
+        found.append(f"{count} primitives of points or lines are left out")
+    if document.get("animations"):
+        found.append("animations are left out: things are where they are at rest")
+    return found
 
 
 def _unused(pixels: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -134,6 +147,7 @@ def _object(file: str, one: GltfObject, title: str, materials: Materials, data: 
             uv,
             _tangents(one, count, data),
             None if alpha is None else np.tile(alpha, one.copies).astype(np.float32),
+            is_flat=one.normals is None,  # §3.7.2.1
         )
     except GltfError:
         raise

@@ -10,6 +10,7 @@ from tests.support.igi_scenes import placed
 
 from lightwell.geometry.shapes import plane, sphere
 from lightwell.igi import IgiMaterial, IgiObject, IgiScene, PointLight, Sky, Texture, linear_from_srgb
+from lightwell.igi.emit import EmissiveSurfaces
 from lightwell.igi.materials import phong_exponent
 from lightwell.igi.surfaces import SurfacePoints, Surfaces
 from lightwell.igi_settings import IgiSettings
@@ -144,6 +145,23 @@ def test_smooth_normals_and_flat_ones() -> None:
 def test_mistakes_are_named(make: Any, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def test_two_sided_lamps_shine_from_both_sides() -> None:
+    powers = []
+    for two_sided in (False, True):
+        material = IgiMaterial(base=(0, 0, 0), specular=0, emission=(2.0, 2.0, 2.0), two_sided=two_sided)
+        surfaces = flat(material)
+        source = EmissiveSurfaces(surfaces)
+        powers.append(source.power)
+        lights = source.lights(np.random.default_rng(2).random((4000, 3)), 4000, 0.0)
+        up = lights.normal[:, 2] > 0
+        assert np.mean(up) == pytest.approx(0.5 if two_sided else 1.0, abs=0.03)
+        np.testing.assert_array_equal(lights.position[:, 2] > 0, up)  # lifted to the side that they shine from
+        np.testing.assert_allclose(lights.flux.sum(axis=0), source.power, rtol=1e-6)
+        seen_from = [surfaces.at(np.array([0]), np.full((1, 2), 0.3, np.float32), side * DOWN) for side in (1, -1)]
+        assert [float(points.emission[0, 0]) for points in seen_from] == [2.0, 2.0 if two_sided else 0.0]
+    np.testing.assert_allclose(powers, [2 * np.pi * 4, 4 * np.pi * 4], rtol=1e-6)
 
 
 def test_wide_rays_see_means_of_linear_light() -> None:

@@ -327,3 +327,135 @@ def test_files_that_are_no_scenes(tmp_path: Path) -> None:
     whole = floor({}).glb()
     with pytest.raises(MeshError, match=r"t\.glb: .*cut short"):
         read_gltf_scene(whole[: len(whole) // 2], "t.glb")
+
+
+def test_a_file_without_normals_is_flat() -> None:
+    """A roof of two squares that share an edge: rounded where vertices have normals, else not (§3.7.2.1)."""
+    file = File()
+    places = [[0, 0, 0], [1, 1, 0], [2, 0, 0], [0, 0, -1], [1, 1, -1], [2, 0, -1]]
+    attributes = {"POSITION": file.add(places)}
+    corners = [0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4]
+    file.mesh({"attributes": attributes, "indices": file.add(corners, "<u2")})
+    left = at(read(file), 0.9, 0.5).shading[0]
+    np.testing.assert_allclose(left, np.array([-1, 0, 1]) / 2**0.5, atol=1e-6)
+    attributes["NORMAL"] = file.add([[-1, 1, 0], [0, 1, 0], [1, 1, 0]] * 2)
+    rounded = at(read(file), 0.9, 0.5).shading[0]
+    assert rounded[2] > 0.95
+
+
+def test_what_has_no_surface_is_left_out_and_said() -> None:
+    file = floor()
+    (primitive,) = file.document["meshes"][0]["primitives"]
+    lines = {"attributes": {"POSITION": primitive["attributes"]["POSITION"]}, "mode": 1}
+    file.document["meshes"][0]["primitives"] += [lines, {"attributes": {}}]
+    file.document["animations"] = [{"channels": [], "samplers": []}]
+    scene = read(file)
+    assert len(scene.objects) == 1
+    assert scene.remarks == (
+        "2 primitives of points or lines are left out",
+        "animations are left out: things are where they are at rest",
+    )
+
+
+def test_cut_outs_and_panes() -> None:
+    """Base colour's alpha × factor × that of the vertices below the cut-off is a hole; transmission lets through."""
+    picture = np.full((1, 2, 4), [255, 255, 255, 204], np.uint8)
+    picture[0, 1, 3] = 102
+    rough = {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.75], "metallicFactor": 0}
+    ramp = [[1, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]]
+
+    def holes(more: dict[str, Any], **attributes: Any) -> list[bool]:
+        file = floor({"pbrMetallicRoughness": rough} | more, (picture,), **attributes)
+        file.document["samplers"] = [{"magFilter": 9728}]
+        file.document["textures"][0]["sampler"] = 0
+        surfaces = Surfaces(IgiScene(read(file).objects))
+        eyes = np.array([[x, y, 1] for y in (0.1, 0.9) for x in (0.25, 0.75)], np.float32)
+        return [bool(one) for one in surfaces.rays.intersect(eyes, np.array([[0, 0, -1]] * 4, np.float32)).triangle < 0]
+
+    # Alpha is 0.6 and 0.3.
+    assert holes({}) == [False] * 4
+    assert holes({"alphaMode": "MASK"}) == [False, True] * 2
+    assert holes({"alphaMode": "BLEND"}) == [False, True] * 2
+    assert holes({"alphaMode": "MASK", "alphaCutoff": 0.61}) == [True] * 4
+    assert holes({"alphaMode": "MASK", "alphaCutoff": 0.29}) == [False] * 4
+    assert holes({"alphaMode": "MASK"}, COLOR_0=ramp) == [False, True, True, True]
+    through = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.8}}}
+    assert holes(through) == [True] * 4
+    assert holes(through | {"pbrMetallicRoughness": rough | {"metallicFactor": 0.9}}) == [False] * 4
+
+
+def test_instances_on_the_gpu() -> None:
+    file = floor({"name": "grass", "normalTexture": {"index": 0}}, (np.full((1, 1, 3), [218, 128, 218]),))
+    file.document["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    attributes = {
+        "TRANSLATION": file.add([[0, 0, 0], [3, 1, 0], [6, 0, 0]]),
+        "ROTATION": file.add(np.array([[0, 0, 0, 1], QUARTER, [0, 0, 0, 1]])),
+        "SCALE": file.add([[1, 1, 1], [1, 1, 1], [-2, 1, 1]]),
+    }
+    file.document["nodes"][0] |= {"translation": [0, 5, 0]}
+    file.document["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    scene = read(file)
+    (item,) = scene.objects
+    assert (len(item.mesh.triangles), len(item.uv[0])) == (6, 12)
+    np.testing.assert_allclose(item.mesh.positions[[0, 5, 9]], [[0, 0, 5], [3, 1, 6], [4, 0, 5]], atol=1e-6)
+    surfaces = Surfaces(IgiScene(scene.objects))
+    eyes = np.array([[0.5, 0.5, 9], [2.5, 0.5, 9], [5, 0.5, 9]], np.float32)
+    hits = surfaces.rays.intersect(eyes, np.array([[0, 0, -1]] * 3, np.float32))
+    np.testing.assert_allclose(hits.distance, [4, 3, 4], rtol=1e-6)
+    # The picture leans along u, which each instance has turned; its fronts look up in mirror images too.
+    leaning = surfaces.at(hits.triangle, hits.barycentric, np.array([[0, 0, -1]] * 3, np.float32))
+    np.testing.assert_allclose(leaning.geometric, [[0, 0, 1]] * 3, atol=1e-6)
+    np.testing.assert_allclose(leaning.shading[:, :2], [[0.707, 0], [0, 0.707], [-0.707, 0]], atol=6e-3)
+    file.document["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = file.add([[1, 1, 1]])
+    with pytest.raises(MeshError, match="instances with unlike numbers"):
+        read(file)
+
+
+def picture_of(image: Image.Image, kind: str, **options: Any) -> Any:
+    """Pixels that a texture has of a file of some kind."""
+    body = io.BytesIO()
+    image.save(body, kind, **options)
+    file = floor({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "alphaMode": "MASK"}, ({},))
+    file.document["images"][0] |= {"bufferView": file.view(body.getvalue()), "name": "bark"}
+    material = read(file).objects[0].material
+    assert material.base_texture is not None
+    return material.base_texture.pixels[0, 0].tolist(), material.alpha_texture is not None
+
+
+def test_pictures_of_all_kinds() -> None:
+    deep = Image.fromarray(np.full((2, 2), 0x8000, np.uint16))
+    assert picture_of(deep, "PNG") == ([128] * 3, False)
+    assert picture_of(Image.new("L", (2, 2), 77), "PNG") == ([77] * 3, False)
+    assert picture_of(Image.new("LA", (2, 2), (77, 10)), "PNG") == ([77] * 3, True)
+    table = Image.new("P", (2, 2), 1)
+    table.putpalette([0, 0, 0, 10, 20, 30])
+    assert picture_of(table, "PNG") == ([10, 20, 30], False)
+    assert picture_of(table, "PNG", transparency=0) == ([10, 20, 30], True)
+    red, clear = picture_of(Image.new("CMYK", (8, 8), (0, 255, 255, 0)), "JPEG", quality=95)
+    assert (red[0] > 240, max(red[1:]) < 15, clear) == (True, True, False)
+    grey, _ = picture_of(Image.new("RGB", (16, 16), (90, 90, 90)), "JPEG", progressive=True)
+    assert abs(grey[0] - 90) < 3
+    assert picture_of(Image.new("RGBA", (2, 2), (9, 8, 7, 6)), "WEBP", lossless=True)[1]
+    with pytest.raises(MeshError, match=r"t\.glb: picture 'bark' has 9000×8000 pixels; at most 67108864 are read"):
+        picture_of(Image.new("1", (9000, 8000)), "PNG")
+    with pytest.raises(MeshError, match=r"t\.glb: picture 'bark' is too large; at most 67108864 pixels are read"):
+        picture_of(Image.new("1", (16000, 8000)), "PNG")
+
+
+def test_names_and_numbers_as_programs_write_them(tmp_path: Path) -> None:
+    """Folders above are not read; whole numbers with a point are indices; spaces and signs of any script are names."""
+    file = floor({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, ({"uri": "a/%C3%B6%20❤.png"},))
+    (tmp_path / "x" / "a").mkdir(parents=True)
+    (tmp_path / "x" / "a" / "ö ❤.png").write_bytes(png(np.zeros((2, 2, 3))))
+    (tmp_path / "x" / "geo").mkdir()
+    (tmp_path / "x" / "geo" / "all data.bin").write_bytes(file.binary)
+    file.document["buffers"] = [{"byteLength": len(file.binary), "uri": "geo/all%20data.bin"}]
+    text = json.dumps(file.document).replace('"mesh": 0', '"mesh": 0.0')
+    (tmp_path / "x" / "szene ö.gltf").write_text(text, encoding="utf-8")
+    assert len(load_gltf_scene(tmp_path / "x" / "szene ö.gltf").objects) == 1
+    (tmp_path / "secret.png").write_bytes(png(np.zeros((2, 2, 3))))
+    for away in ("../secret.png", "a/../../secret.png", "%2e%2e/secret.png", str(tmp_path / "secret.png")):
+        file.document["images"][0]["uri"] = away
+        (tmp_path / "x" / "t.gltf").write_text(json.dumps(file.document))
+        with pytest.raises(MeshError, match=r"t\.gltf: names the file .* which lies outside its folder; put it beside"):
+            load_gltf_scene(tmp_path / "x" / "t.gltf")
