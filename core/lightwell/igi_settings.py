@@ -63,7 +63,8 @@ class IgiSettings(Settings):
         " virtual lights, 2 a tent",
     )
     kernel: IgiKernel = Field(
-        "nonneg", description="weights of the bands for matte surfaces: never negative (nonneg), or as they are (none)"
+        "nonneg",
+        description="of matte surfaces: for light from above, never negative (nonneg), or the cosine's bands (none)",
     )
     seed: int = Field(0, ge=0, le=2**31 - 1, description="of the random numbers; the same seed gives the same bytes")
     layers: tuple[IgiLayer, ...] = Field(
