@@ -11,9 +11,8 @@ from lightwell.wire import unpack_coefficients
 from lightwell_server.artifacts import ArtifactNotFoundError, find_artifact
 from lightwell_server.services import Services
 from lightwell_server.variants import STRIPPED, make_variant
-from lightwell_workers.jobs.igi_scene import scene_of
+from lightwell_workers.jobs.job import Job
 from lightwell_workers.jobs.kind import JobError
-from lightwell_workers.jobs.queue import Job
 
 
 def igi_input(parts: Services, settings: IgiRenderSettings, earlier: Job | None) -> IgiRenderSettings:
@@ -27,6 +26,8 @@ def igi_input(parts: Services, settings: IgiRenderSettings, earlier: Job | None)
     LightwellError, Problem
         Where there is no such thing, or it may not be used.
     """
+    from lightwell_workers.jobs.igi_scene import scene_of  # with the renderer: .3 s that only such a job pays
+
     light = settings.light
     changes: dict[str, Any] = {}
     if light.map is not None:

@@ -6,14 +6,16 @@ import asyncio
 import contextlib
 import threading
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import structlog
 
 from lightwell.errors import LightwellError
 from lightwell_server.config import Config
 from lightwell_server.executor_process import ExecutorProcess
-from lightwell_workers.jobs.queue import Queue
+
+if TYPE_CHECKING:
+    from lightwell_workers.jobs.queue import Queue
 
 log = structlog.get_logger("jobs")
 
@@ -64,6 +66,8 @@ class Jobs:
     def _open(self) -> Queue:
         with self._opening:
             if self._queue is None:
+                from lightwell_workers.jobs.queue import Queue
+
                 self._queue = Queue(self.settings, self._data_dir)
             return self._queue
 

@@ -28,9 +28,8 @@ from lightwell.settings import complaint
 from lightwell_server.captures import CaptureNameError, CaptureRefusedError, CaptureTakenError, CaptureUnknownError
 from lightwell_server.store import StoreError
 from lightwell_server.uploads import UploadFullError, UploadTooLargeError, UploadTypeError, UploadUnknownError
-from lightwell_workers.jobs.database import QueueError
+from lightwell_workers.jobs.job import CursorError, JobNotFoundError, JobStateError, KeyConflictError, QueueError
 from lightwell_workers.jobs.kind import JobError
-from lightwell_workers.jobs.queue import CursorError, JobNotFoundError, JobStateError, KeyConflictError
 
 MEDIA_TYPE = "application/problem+json"
 METHODS = ("GET", "POST", "PATCH", "DELETE")

@@ -18,7 +18,8 @@ import psutil
 
 from lightwell.io.simulate import RigSettings, simulate_capture
 from lightwell.synthetic.scene import PRESETS
-from lightwell_workers.jobs.queue import Job, Queue
+from lightwell_workers.jobs.job import Job
+from lightwell_workers.jobs.queue import Queue
 
 WAIT_SECONDS = 100.0
 FINISHED = ("cancelled", "failed", "succeeded")

@@ -12,7 +12,7 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from pydantic import BaseModel, Field
 
 from lightwell_server.services import Services, services
-from lightwell_workers.jobs.database import QueueError
+from lightwell_workers.jobs.job import QueueError
 
 router = APIRouter(tags=["health"])
 

@@ -8,7 +8,7 @@ import json
 from collections.abc import AsyncIterator
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 from fastapi import APIRouter, Header, Query, Request, Response
@@ -22,9 +22,12 @@ from lightwell_server.problems import Problem, invalid_input
 from lightwell_server.routes.access import ADMIN, READ, problems
 from lightwell_server.services import Services, services
 from lightwell_workers.jobs.directory import JobDirectory
-from lightwell_workers.jobs.kinds import KINDS
-from lightwell_workers.jobs.queue import FINISHED, Job, Queue
+from lightwell_workers.jobs.job import FINISHED, Job
+from lightwell_workers.jobs.kinds import KINDS, load_kind
 from lightwell_workers.jobs.workflow import space_problem
+
+if TYPE_CHECKING:
+    from lightwell_workers.jobs.queue import Queue
 
 router = APIRouter(tags=["jobs"])
 
@@ -196,7 +199,7 @@ def _settings(parts: Services, submission: JobSubmission, earlier: Job | None) -
 
 def _estimate(parts: Services, kind: JobKind, settings: Settings) -> EstimateDocument:
     """Return what the job needs."""
-    need = KINDS[kind].estimate(settings)
+    need = load_kind(kind).estimate(settings, parts.captures.roots)
     reason = space_problem(parts.jobs.settings, parts.jobs.root, need.disk_bytes)
     return EstimateDocument(
         seconds=round(need.seconds, 3),
@@ -303,12 +306,16 @@ async def job_events(
     )
 
 
+def _events(queue: Queue, job: str, after: int) -> list[tuple[int, dict[str, Any]]]:
+    return queue.events(job, after)
+
+
 async def _follow(parts: Services, job: str, after: int) -> AsyncIterator[str]:
     idle = 0
     while True:
         # The state first: what is written before a job ends is then in the events that are read next.
         state = (await parts.jobs.call(lambda queue: queue.get(job))).state
-        events = await parts.jobs.call(partial(Queue.events, job=job, after=after))
+        events = await parts.jobs.call(partial(_events, job=job, after=after))
         for number, event in events:
             after = number
             yield f"id: {number}\nevent: {event['type']}\ndata: {json.dumps(event)}\n\n"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import FileResponse
@@ -13,7 +13,9 @@ from lightwell.io.uploads import UploadRecord
 from lightwell_server.problems import Problem
 from lightwell_server.routes.access import ADMIN, READ, problems
 from lightwell_server.services import Services, services
-from lightwell_workers.jobs.queue import Queue
+
+if TYPE_CHECKING:
+    from lightwell_workers.jobs.queue import Queue
 
 router = APIRouter(tags=["uploads"])
 

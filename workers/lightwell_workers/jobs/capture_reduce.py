@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from lightwell.io.captures import DOCUMENT, POSES, Capture, open_capture
 from lightwell.io.files import write_atomically
 from lightwell.io.poses import Poses, write_poses
 from lightwell.io.preview import encode_png
-from lightwell.job_settings import CaptureReduceSettings, JobKind
+from lightwell.job_settings import CaptureReduceSettings
 from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.kind import Estimate, JobError, Step
 
@@ -32,12 +32,9 @@ PREVIEW = 480
 class CaptureReduce:
     """The kind."""
 
-    name: JobKind = "capture-reduce"
-    description = "Drop the probes of a capture that look like their neighbours"
-    settings_type = CaptureReduceSettings
-
-    def estimate(self, settings: CaptureReduceSettings) -> Estimate:
+    def estimate(self, settings: CaptureReduceSettings, roots: Sequence[Path] | None = None) -> Estimate:
         """Return what the job needs; raises `LightwellError` where the capture cannot be used."""
+        del roots  # no file of its settings names others elsewhere
         capture = require_frames(open_capture(Path(settings.capture)))
         pixels = capture.info.width * capture.info.height
         return Estimate(

@@ -10,15 +10,12 @@ from pathlib import Path
 from dbos import DBOS
 
 from lightwell.errors import LightwellError
+from lightwell_workers.jobs.job import QueueError
 
 APPLICATION = "lightwell"
 VERSION = "1"
 """Of the steps' order. DBOS resumes a job only under the version that began it: raise it when that order changes."""
 QUEUE = "jobs"
-
-
-class QueueError(LightwellError):
-    """The queue's database cannot be used."""
 
 
 def database_url(url: str, data_dir: Path) -> str:

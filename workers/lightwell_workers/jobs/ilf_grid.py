@@ -6,6 +6,7 @@ in a fixed order) → finish (window, gradients, report, preview).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from lightwell.field.sums import FieldSums
 from lightwell.io.angular import AngularStore
 from lightwell.io.files import write_atomically
 from lightwell.io.preview import preview_png
-from lightwell.job_settings import IlfGridSettings, JobKind
+from lightwell.job_settings import IlfGridSettings
 from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.ilf_finish import finish
 from lightwell_workers.jobs.ilf_plan import Field, Part, Plan, estimate, make_plan, read_plan
@@ -28,12 +29,9 @@ from lightwell_workers.jobs.kind import Estimate, JobError, Step
 class IlfGrid:
     """The kind."""
 
-    name: JobKind = "ilf-grid"
-    description = "Resample a capture of light probes to a regular grid of SH coefficients"
-    settings_type = IlfGridSettings
-
-    def estimate(self, settings: IlfGridSettings) -> Estimate:
+    def estimate(self, settings: IlfGridSettings, roots: Sequence[Path] | None = None) -> Estimate:
         """Return what the job needs; raises `LightwellError` where the capture cannot be used."""
+        del roots  # no file of its settings names others elsewhere
         return estimate(settings)
 
     def prepare(self, settings: IlfGridSettings, context: JobContext) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
 from lightwell.errors import LightwellError
-from lightwell.job_settings import JobKind
-from lightwell.settings import Settings
 from lightwell_workers.jobs.context import JobContext
 
 SMALL_SECONDS = 1.5
@@ -39,22 +38,13 @@ class Step(NamedTuple):
 
 
 class Kind(Protocol):
-    """A kind of job; ``settings`` below is an instance of its ``settings_type``."""
+    """A kind of job; ``settings`` below are of the type that `kinds.KINDS` names."""
 
-    @property
-    def name(self) -> JobKind:
-        """Its name in the API."""
+    def estimate(self, settings: Any, roots: Sequence[Path] | None = None) -> Estimate:  # noqa: ANN401
+        """Return what the job needs; raises `LightwellError` where it cannot work.
 
-    @property
-    def description(self) -> str:
-        """What it does, in one line."""
-
-    @property
-    def settings_type(self) -> type[Settings]:
-        """Model of its settings."""
-
-    def estimate(self, settings: Any) -> Estimate:  # noqa: ANN401
-        """Return what the job needs; raises `LightwellError` where it cannot work."""
+        ``roots``: folders below which files must lie that a file of the settings names; None: anywhere.
+        """
 
     def prepare(self, settings: Any, context: JobContext) -> None:  # noqa: ANN401
         """Validate the input and write what `steps` needs into the job's folder."""

@@ -7,6 +7,7 @@ the vertices, part by part) → bounce (once for each, from the hits of the firs
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from lightwell.geometry.mesh import Float32s
 from lightwell.io.files import write_atomically
-from lightwell.job_settings import JobKind, PrtTransferSettings
+from lightwell.job_settings import PrtTransferSettings
 from lightwell.transfer.bounces import fill_hidden, reflected
 from lightwell.transfer.compute import channels_of
 from lightwell.transfer.surface import is_far_away, merge
@@ -41,12 +42,9 @@ WORTH_SAYING_SECONDS = 2.0
 class PrtTransfer:
     """The kind."""
 
-    name: JobKind = "prt-transfer"
-    description = "Compute how each vertex of a mesh answers to light, with shadows and bounces"
-    settings_type = PrtTransferSettings
-
-    def estimate(self, settings: PrtTransferSettings) -> Estimate:
+    def estimate(self, settings: PrtTransferSettings, roots: Sequence[Path] | None = None) -> Estimate:
         """Return what the job needs; raises `LightwellError` where the mesh cannot be used."""
+        del roots  # no file of its settings names others elsewhere
         return estimate(settings)
 
     def prepare(self, settings: PrtTransferSettings, context: JobContext) -> None:

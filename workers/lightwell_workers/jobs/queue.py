@@ -14,16 +14,23 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast
 
-import msgspec
 from dbos import DBOSClient, DBOSPortableJSONSerializer, WorkflowStatus
 from filelock import FileLock, Timeout
 from sqlalchemy.exc import SQLAlchemyError
 
-from lightwell.errors import LightwellError
 from lightwell.job_settings import DEFAULT_PRIORITY, JobKind, JobsSettings, JobState
-from lightwell_workers.jobs.database import APPLICATION, QUEUE, QueueError, database_url, migrate
-from lightwell_workers.jobs.directory import JOB_ID, Artifact, JobDirectory
-from lightwell_workers.jobs.events import Progress, last_progress, read_events
+from lightwell_workers.jobs.database import APPLICATION, QUEUE, database_url, migrate
+from lightwell_workers.jobs.directory import JOB_ID, JobDirectory
+from lightwell_workers.jobs.events import last_progress, read_events
+from lightwell_workers.jobs.job import (
+    FINISHED,
+    CursorError,
+    Job,
+    JobNotFoundError,
+    JobStateError,
+    KeyConflictError,
+    QueueError,
+)
 from lightwell_workers.jobs.kinds import KINDS
 
 STATES: dict[JobState, list[str]] = {
@@ -34,45 +41,11 @@ STATES: dict[JobState, list[str]] = {
     "failed": ["ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED"],
     "succeeded": ["SUCCESS"],
 }
-FINISHED: tuple[JobState, ...] = ("cancelled", "failed", "succeeded")
 MILLISECOND_NS = 1_000_000
 DAY_NS = 86_400 * 10**9
 ID_LENGTH = 20
 LONGEST_STOP_SECONDS = 8.0
 STOP_POLL_SECONDS = 0.05
-
-
-class JobNotFoundError(LightwellError):
-    """There is no such job."""
-
-
-class JobStateError(LightwellError):
-    """The job's state does not allow it: says which state it is."""
-
-
-class KeyConflictError(LightwellError):
-    """The idempotency key was used for another job."""
-
-
-class CursorError(LightwellError):
-    """The cursor is not one that a listing gave."""
-
-
-class Job(msgspec.Struct):
-    """One job. Times are nanoseconds since the Unix epoch."""
-
-    id: str
-    kind: JobKind
-    state: JobState
-    priority: int
-    settings: dict[str, Any]
-    attempts: int
-    created: int
-    started: int | None
-    finished: int | None
-    progress: Progress | None
-    artifacts: list[Artifact]
-    error: str | None = None
 
 
 class Queue:

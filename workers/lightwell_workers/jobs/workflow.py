@@ -26,8 +26,9 @@ from lightwell_workers.jobs.compute import ComputeLostError, DaskCompute, Inline
 from lightwell_workers.jobs.context import Compute, JobCancelled, JobContext
 from lightwell_workers.jobs.directory import JOB_ID, JobDirectory
 from lightwell_workers.jobs.events import EventLog, last_state
-from lightwell_workers.jobs.kind import SMALL_SECONDS, JobError, Kind
-from lightwell_workers.jobs.kinds import KINDS
+from lightwell_workers.jobs.kind import SMALL_SECONDS, JobError
+from lightwell_workers.jobs.kinds import KINDS, load_kind
+from lightwell_workers.jobs.roots import data_roots
 
 log = structlog.get_logger("jobs")
 
@@ -53,6 +54,7 @@ class Runner:
     def __init__(self, settings: JobsSettings, root: Path) -> None:
         self._settings = settings
         self._root = root
+        self._roots = data_roots(settings, root.parent)
         self._dask = DaskCompute(settings.scheduler, settings.processes)
         self._inline = InlineCompute()
         self._stops: set[threading.Event] = set()
@@ -85,9 +87,8 @@ class Runner:
             finally:
                 self._stops.discard(stop)
 
-    def _run(self, job: str, name: JobKind, settings: dict[str, Any], index: int, stop: threading.Event) -> int:
+    def _run(self, job: str, kind: JobKind, settings: dict[str, Any], index: int, stop: threading.Event) -> int:
         directory = JobDirectory(self._root, job)
-        kind = KINDS[name]
         try:
             directory.path.mkdir(parents=True, exist_ok=True)
             with _locked(directory, stop):
@@ -115,7 +116,7 @@ class Runner:
     def _run_locked(
         self,
         directory: JobDirectory,
-        kind: Kind,
+        name: JobKind,
         document: dict[str, Any],
         index: int,
         stop: threading.Event,
@@ -127,10 +128,11 @@ class Runner:
             if last_state(directory.events) != "succeeded":
                 events.append("state", state="succeeded")
             return max(index, 0)
-        settings = kind.settings_type.model_validate(document)
-        estimate = kind.estimate(settings)
+        kind = load_kind(name)
+        settings = KINDS[name].settings_type.model_validate(document)
+        estimate = kind.estimate(settings, self._roots)
         compute: Compute = self._inline if estimate.seconds < SMALL_SECONDS else self._dask
-        context = JobContext(directory, events, compute, stop)
+        context = JobContext(directory, events, compute, stop, self._roots)
         context.check()
         if index == PREPARE or last_state(directory.events) in ("cancelled", "failed"):
             events.append("state", state="running")
@@ -143,7 +145,7 @@ class Runner:
         if index == len(steps):
             directory.publish(context.results)
             events.append("state", state="succeeded")
-            log.info("job succeeded", job=directory.id, kind=kind.name)
+            log.info("job succeeded", job=directory.id, kind=name)
             return len(steps)
         started = time.monotonic()
         steps[index].run(context)
