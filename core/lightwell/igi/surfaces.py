@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lightwell.conventions import LUMINANCE
 from lightwell.geometry.mesh import Mesh, front_normals, make_mesh
 from lightwell.geometry.rays import RayScene
-from lightwell.igi.coverage import WHOLE, Coverage, by_material
+from lightwell.igi.coverage import ABSENT, WHOLE, Coverage, by_material
 from lightwell.igi.holes import HoledScene
 from lightwell.igi.materials import IgiMaterial, phong_exponent
 from lightwell.igi.scene import IgiObject, IgiScene
@@ -86,8 +86,8 @@ class Surfaces:
 
     @property
     def area(self) -> float:
-        """Of all triangles, m²."""
-        return float(self.areas.sum())
+        """Of all triangles that are not all hole, m²."""
+        return float(self.areas[self._coverage.kind != ABSENT].sum() if self._has_holes else self.areas.sum())
 
     def mean_reflectivity(self) -> float:
         """Return the mean of ``kd + ks`` over the area, by luminance: ρ̄ of Keller's termination."""

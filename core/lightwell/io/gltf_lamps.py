@@ -69,6 +69,8 @@ def read_lamps(
                 inner, outer = float(cone.get("innerConeAngle", 0)), float(cone.get("outerConeAngle", np.pi / 4))
                 # Files round π/2 to either side.
                 outer = min(outer, np.pi / 2) if outer < 1.0001 * np.pi / 2 else outer
+                # A sharp edge should be written as a very narrow one; some programs write it as none.
+                inner = min(inner, 0.999 * outer) if inner < 1.0001 * outer else inner
                 away = _direction(turn, place, (0, 0, -1), name)
                 found.append(PointLight((x, y, z), power, away, inner, outer))
             else:

@@ -51,7 +51,7 @@ class GltfScene:
     """What of the file a picture will not show."""
 
     def camera(self, name: str | None = None) -> Camera:
-        """Return the camera of a name, or else the first one.
+        """Return the camera of a name, or else the first one with a perspective.
 
         Raises
         ------
@@ -60,7 +60,10 @@ class GltfScene:
         """
         if not self.cameras:
             raise MeshError(f"{self.name}: has no camera; give [camera] position, or export it with one")
-        found = self.cameras[0] if name is None else next((one for one in self.cameras if one.name == name), None)
+        if name is None:
+            found = next((one for one in self.cameras if one.camera is not None), self.cameras[0])
+        else:
+            found = next((one for one in self.cameras if one.name == name), None)
         if found is None:
             names = ", ".join(repr(one.name) for one in self.cameras[:20])
             raise MeshError(f"{self.name}: has no camera {name!r}; it has {names}")

@@ -182,9 +182,12 @@ def test_lamps() -> None:
         {"type": "point", "intensity": 5, "color": [1, 0.5, 0.2], "range": 3},
         {"type": "spot", "spot": {"innerConeAngle": 0.2, "outerConeAngle": 1.5707964}},
         {"type": "directional", "intensity": 2},
-        nodes=[{"translation": [1, 2, 3], "scale": [9, 9, 9]}, {"rotation": down}, {"rotation": QUARTER}],
+        {"type": "spot", "spot": {"innerConeAngle": 0.3, "outerConeAngle": 0.3}},
+        nodes=[{"translation": [1, 2, 3], "scale": [9, 9, 9]}, {"rotation": down}, {"rotation": QUARTER}, {}],
     )
-    point, spot, sun = read(file).lamps
+    point, spot, sun, sharp = read(file).lamps
+    assert isinstance(sharp, PointLight)
+    assert (sharp.inner_angle, sharp.outer_angle) == (pytest.approx(0.3, rel=2e-3), 0.3)
     assert isinstance(point, PointLight)
     assert (point.position, point.direction) == ((1, -3, 2), None)
     assert point.intensity == pytest.approx((5, 2.5, 1))
@@ -215,6 +218,8 @@ def test_cameras_by_name() -> None:
         assert camera.target == pytest.approx((0, -4, 1))
         assert camera.up == pytest.approx((0, 0, 1))
         assert camera.fov_degrees == pytest.approx(np.degrees(1))
+    file.document["nodes"][1]["camera"] = 1
+    assert read(file).camera() == scene.camera("side")
     assert scene.camera("side").target == pytest.approx((-1, 0, 0), abs=1e-6)
     with pytest.raises(MeshError, match=r"t\.glb: camera 'plan' has no perspective; name another"):
         scene.camera("plan")
