@@ -60,10 +60,8 @@ class GltfScene:
         """
         if not self.cameras:
             raise MeshError(f"{self.name}: has no camera; give [camera] position, or export it with one")
-        if name is None:
-            found = next((one for one in self.cameras if one.camera is not None), self.cameras[0])
-        else:
-            found = next((one for one in self.cameras if one.name == name), None)
+        fitting = (one for one in self.cameras if (one.camera is not None if name is None else one.name == name))
+        found = next(fitting, self.cameras[0] if name is None else None)
         if found is None:
             names = ", ".join(repr(one.name) for one in self.cameras[:20])
             raise MeshError(f"{self.name}: has no camera {name!r}; it has {names}")
