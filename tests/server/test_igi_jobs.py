@@ -108,6 +108,16 @@ def test_uploads_and_paths_are_checked_before_the_job_is_taken(api: httpx.Client
     sky = cv2.imencode(".hdr", np.ones((8, 16, 3), np.float32))[1].tobytes()
     sky = api.post("/uploads?name=sky.hdr", content=sky).json()["id"]
     (data / "scenes" / "broken.glb").write_bytes(b"glTF\2\0\0\0nothing")
+    # A scene that somebody copied here must not make the server read what lies elsewhere.
+    for name, line in {
+        "copied.toml": 'mesh = "/etc/passwd"',
+        "linked.toml": 'mesh = "link.glb"',
+        "above.toml": 'mesh = "../../x.ply"',
+    }.items():
+        (data / "scenes" / name).write_text(f"method = 'igi'\n[camera]\nposition = [0, -4, 1]\n[[objects]]\n{line}\n")
+    (data / "scenes" / "link.glb").symlink_to("/etc/hostname")
+    (data / "captures").mkdir(exist_ok=True)
+    (data / "captures" / "hall.jsonl").write_text('{"coefficients": [[1, 1, 1]], "capture_time_ns": 5}\n{"torn": 1}\n')
     cases: list[tuple[dict[str, Any], int, str]] = [
         ({"scene": mesh}, 422, "camera"),
         ({"scene": sky, "camera": AT}, 422, "light map"),
@@ -117,6 +127,10 @@ def test_uploads_and_paths_are_checked_before_the_job_is_taken(api: httpx.Client
         ({"scene": mesh, "camera": AT, "light": {"frames": "scenes/no*.exr"}}, 422, "matches no file"),
         ({"scene": mesh, "camera": AT, "light": {"grid": "nojob.grid"}}, 422, "no grid"),
         ({"scene": mesh, "camera": AT, "light": {"stream": "none"}}, 404, "none"),
+        ({"scene": mesh, "camera": AT, "light": {"frames": "captures/hall.jsonl"}}, 422, "hall.jsonl: line 2"),
+        ({"scene": "scenes/copied.toml"}, 422, "objects[0]: /etc/passwd: lies outside"),
+        ({"scene": "scenes/linked.toml"}, 422, "objects[0]: link.glb: lies outside"),
+        ({"scene": "scenes/above.toml"}, 422, "objects[0]: ../../x.ply: lies outside"),
         ({"scene": "scenes/none.toml"}, 422, "no such file"),
         ({"scene": "scenes/broken.glb", "camera": AT}, 422, "broken.glb"),
         ({"scene": "/etc/passwd"}, 403, "data roots"),

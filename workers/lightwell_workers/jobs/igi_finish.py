@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.igi.rendering import IgiRendering, assemble
+from lightwell.igi.rendering import assemble
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.files import write_atomically
 from lightwell.io.films import write_film
@@ -22,7 +22,7 @@ from lightwell.io.igi_scenes import meter_rendering
 from lightwell.io.preview import encode_png
 from lightwell.job_settings import IgiRenderSettings
 from lightwell_workers.jobs.context import JobContext, stop_if_cancelled
-from lightwell_workers.jobs.igi_plan import Plan
+from lightwell_workers.jobs.igi_plan import Plan, exposure_path, known_exposure
 from lightwell_workers.jobs.igi_tasks import load_tile, plan_of, tile_path
 from lightwell_workers.jobs.kind import JobError
 
@@ -73,7 +73,10 @@ def write_frame(cancel: Path, work: str, results: str, frame: int) -> None:
     rendering = assemble(plan.size, parts)
     if not np.isfinite(rendering.colour).all():
         raise JobError(f"picture {frame} is not finite: the light or an emission is too strong; lower light.gain")
-    ev = _exposure(plan, place, rendering if frame == 0 else None)
+    ev = known_exposure(plan, place)
+    if ev is None:  # this is the first picture, which all others wait for
+        ev = meter_rendering(rendering)
+        write_atomically(exposure_path(place), json.dumps(ev).encode())
     exr, png = frame_files(plan, Path(results), frame)
     exr.parent.mkdir(parents=True, exist_ok=True)
     for path in (exr, png):
@@ -117,17 +120,6 @@ def write_results(settings: IgiRenderSettings, plan: Plan, context: JobContext) 
     context.progress("write", total, total)
 
 
-def _exposure(plan: Plan, work: Path, first: IgiRendering | None) -> float:
-    if plan.ev is not None:
-        return plan.ev
-    path = work / "exposure.json"
-    if first is not None:
-        ev = meter_rendering(first)
-        write_atomically(path, json.dumps(ev).encode())
-        return ev
-    return float(json.loads(path.read_bytes()))
-
-
 def _opaque(path: Path) -> NDArray[np.uint8]:
     """Return a picture ``(H, W, 3)`` RGB, over black."""
     found = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -152,7 +144,7 @@ def _report(settings: IgiRenderSettings, plan: Plan, context: JobContext) -> dic
         "width": plan.width,
         "height": plan.height,
         "igi": igi.model_dump(mode="json"),
-        "ev": plan.ev if plan.ev is not None else _exposure(plan, context.work, None),
+        "ev": known_exposure(plan, context.work),
         "rays": sum(one.rays for one in counted),
         "clamp_bias": clamped / (arrived + clamped) if arrived + clamped > 0 else 0.0,
         "coverage": [one.coverage for one in counted],

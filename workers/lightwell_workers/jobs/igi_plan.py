@@ -91,6 +91,21 @@ class Plan(msgspec.Struct):
         return max(1, round(self.width * scale)), max(1, round(self.height * scale))
 
 
+def exposure_path(work: Path) -> Path:
+    """Return where the exposure lies that the first picture was metered for."""
+    return work / "exposure.json"
+
+
+def known_exposure(plan: Plan, work: Path) -> float | None:
+    """Return the exposure of all pictures, EV; None before the first one has been metered."""
+    if plan.ev is not None:
+        return plan.ev
+    try:
+        return float(msgspec.json.decode(exposure_path(work).read_bytes()))
+    except OSError:
+        return None
+
+
 def pixel_seconds(igi: IgiSettings, lamps: int) -> float:
     """Return the core time of a pixel."""
     n, m = igi.sets

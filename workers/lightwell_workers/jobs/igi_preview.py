@@ -16,7 +16,7 @@ from lightwell.io.igi_scenes import meter_colour
 from lightwell.io.preview import encode_png
 from lightwell.render.tonemap import expose_and_encode
 from lightwell_workers.jobs.context import JobContext
-from lightwell_workers.jobs.igi_plan import Plan
+from lightwell_workers.jobs.igi_plan import Plan, known_exposure
 
 SIDE = 640
 """Longer side at most, pixels."""
@@ -59,7 +59,8 @@ class Preview:
 
     def draw(self) -> None:
         """Write the picture. A disk that is full loses it: the job's own writes say so."""
-        ev = self._plan.ev if self._plan.ev is not None else meter_colour(self._colour)
+        ev = known_exposure(self._plan, self._state.parent)
+        ev = meter_colour(self._colour) if ev is None else ev
         pixels = expose_and_encode(self._colour, ev, tone_mapping=self._plan.tone_mapping)
         with contextlib.suppress(OSError):
             with self._state.with_name(".preview.partial").open("wb") as file:

@@ -6,8 +6,10 @@ a file; a picture is written when it has all) → write (film, report).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import msgspec
 
@@ -15,27 +17,32 @@ from lightwell.errors import RenderError
 from lightwell.igi.gbuffer import require_outside
 from lightwell.igi.surfaces import Surfaces
 from lightwell.io.files import write_atomically
-from lightwell.job_settings import IgiRenderSettings, JobKind
+from lightwell.job_settings import IgiRenderSettings
+from lightwell_workers.jobs.compute import InlineCompute
 from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.igi_finish import counted_path, finish_frames, write_results
 from lightwell_workers.jobs.igi_light import Shown, assign, read_sky, recording_of
 from lightwell_workers.jobs.igi_plan import Plan, Shot, estimate, read_plan, tile_seconds, tile_side
 from lightwell_workers.jobs.igi_preview import Preview
 from lightwell_workers.jobs.igi_scene import cameras_of, frame_count, load
-from lightwell_workers.jobs.igi_tasks import load_tile, plan_path, render_coarse, render_tile, save_scene, tile_path
+from lightwell_workers.jobs.igi_tasks import (
+    forget,
+    load_tile,
+    plan_path,
+    render_coarse,
+    render_tile,
+    save_scene,
+    tile_path,
+)
 from lightwell_workers.jobs.kind import Estimate, JobError, Step
 
 
 class IgiRender:
     """The kind."""
 
-    name: JobKind = "igi-render"
-    description = "Render pictures or a film of a scene, with shadows and light that surfaces reflect"
-    settings_type = IgiRenderSettings
-
-    def estimate(self, settings: IgiRenderSettings) -> Estimate:
+    def estimate(self, settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -> Estimate:
         """Return what the job needs; raises `LightwellError` where the scene cannot be used."""
-        return estimate(settings)
+        return estimate(settings, roots)
 
     def prepare(self, settings: IgiRenderSettings, context: JobContext) -> None:
         """Read the scene and its light, look whether all cameras stand where something is seen, and plan."""
@@ -103,8 +110,13 @@ def _coarse(plan: Plan, context: JobContext) -> None:
     context.progress("coarse", 0, 1)
     path = context.work / "coarse.npz"
     if not path.exists():
-        for _ in context.map(render_coarse, [(str(context.work), str(path))]):
+        # Here, where the scene has just been read: processes for the tiles may take seconds to start.
+        for _ in InlineCompute().map(
+            render_coarse, [(context.directory.cancel, str(context.work), str(path))], context.check
+        ):
             pass
+        if context.processes > 1:
+            forget()
     Preview(plan, context).lay(load_tile(path).colour)
     context.progress("coarse", 1, 1)
 

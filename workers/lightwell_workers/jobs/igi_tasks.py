@@ -116,6 +116,12 @@ def _read_plan(path: Path, stamp: int) -> Plan:
     return read_plan(path)
 
 
+def forget() -> None:
+    """Let go of scenes: other processes go on with them."""
+    _renderer.cache_clear()
+    _opened.cache_clear()
+
+
 @lru_cache(maxsize=1)
 def _opened(work: str, stamp: int) -> tuple[IgiScene, Surfaces]:
     del stamp
