@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lightwell.io.gltf_check import INSTANCES, MAX_OBJECTS, STRIP, TRIANGLES, GltfError, is_shown
+from lightwell.io.gltf_check import INSTANCES, MAX_OBJECTS, STRIP, TRIANGLES, VISIBILITY, GltfError, is_shown
 from lightwell.io.gltf_colours import Pictures, base_colours
 from lightwell.io.gltf_data import GltfData
 
@@ -50,7 +50,8 @@ def read_objects(document: Mapping[str, Any], data: GltfData, pictures: Pictures
     """
     nodes = document.get("nodes", [])
     places = node_places(document)
-    uses = [(nodes[index]["mesh"], index) for index in places if "mesh" in nodes[index]]
+    hidden = hidden_nodes(document)
+    uses = [(nodes[index]["mesh"], index) for index in places if "mesh" in nodes[index] and index not in hidden]
     uses.sort(key=lambda use: use[0])
     count = sum(len(document["meshes"][mesh]["primitives"]) for mesh, _ in uses)
     if count > MAX_OBJECTS:
@@ -204,6 +205,23 @@ def node_places(document: Mapping[str, Any]) -> dict[int, NDArray[np.float64]]:
         found[index] = above @ _own_place(nodes[index])
         waiting += [(child, found[index]) for child in reversed(nodes[index].get("children", []))]
     return found
+
+
+def hidden_nodes(document: Mapping[str, Any]) -> set[int]:
+    """Return the nodes that are not to be seen, with all below them (KHR_node_visibility)."""
+    nodes = document.get("nodes", [])
+    waiting = [
+        index
+        for index, node in enumerate(nodes)
+        if not node.get("extensions", {}).get(VISIBILITY, {}).get("visible", True)
+    ]
+    hidden: set[int] = set()
+    while waiting:
+        index = waiting.pop()
+        if index not in hidden:
+            hidden.add(index)
+            waiting += nodes[index].get("children", [])
+    return hidden
 
 
 def _own_place(node: Mapping[str, Any]) -> NDArray[np.float64]:

@@ -142,6 +142,9 @@ def _check_triangles(document: Mapping[str, Any], most: int) -> None:
     if len(set(children)) < len(children):
         raise GltfError("has nodes with two parents or in a circle; export it again")
     uses = [(_copies(node, accessors), per_mesh[node["mesh"]]) for node in nodes if "mesh" in node]
+    instances = sum(copies for copies, _ in uses)
+    if instances > MAX_NODES:
+        raise GltfError(f"shows {instances} instances; at most {MAX_NODES} are read")
     triangles, vertices = (sum(copies * use[k] for copies, use in uses) for k in (0, 1))
     if triangles > most:
         raise GltfError(f"shows {triangles} triangles; at most {most} are read: simplify it")

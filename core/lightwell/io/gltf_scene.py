@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lightwell.geometry.mesh import DEFAULT_ALBEDO
 from lightwell.igi.materials import IgiMaterial
 from lightwell.igi.scene import DirectionalLight, IgiObject, PointLight
-from lightwell.io.gltf import GltfObject, node_places, read_objects
+from lightwell.io.gltf import GltfObject, hidden_nodes, node_places, read_objects
 from lightwell.io.gltf_check import GltfError, is_shown
 from lightwell.io.gltf_colours import Pictures, vertex_alpha
 from lightwell.io.gltf_data import GltfData
@@ -74,7 +74,8 @@ def load_gltf_scene(path: str | Path, max_triangles: int = MAX_TRIANGLES) -> Glt
     """Read a scene; files that it names are read from its folder and those below it.
 
     Textures are sampled where surfaces are seen, with the wrap modes of their samplers; colours of vertices multiply
-    the base colour. Metallic-roughness becomes `IgiMaterial`'s matte part and Phong lobe. A light without end is not
+    the base colour. Metallic-roughness becomes `IgiMaterial`'s matte part and Phong lobe. There are holes where MASK
+    says so, and where BLEND or transmission let more than half of the light through. A light without end is not
     cut off at its ``range``, and occlusion maps are left out, since occlusion is computed. Skins and morph targets are
     taken at rest; tangents are those of the file, or follow from texture coordinates.
 
@@ -106,8 +107,10 @@ def read_gltf_scene(
             for one in read_objects(document, data_of, None)
             if len(one.triangles)
         )
-        remarks = (*materials.remarks, *_skipped(document, places))
-        lamps = tuple(read_lamps(document, places, Z_UP))
+        hidden = hidden_nodes(document)
+        shown = {index: place for index, place in places.items() if index not in hidden}
+        remarks = (*materials.remarks, *_skipped(document, shown))
+        lamps = tuple(read_lamps(document, shown, Z_UP))
         cameras = tuple(read_cameras(document, places, Z_UP))
     if not (objects or lamps or cameras):
         raise MeshError(f"{name}: holds no triangles, lamps or cameras; export the scene, not points or lines")

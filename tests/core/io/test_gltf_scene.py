@@ -348,6 +348,18 @@ def test_a_file_without_normals_is_flat() -> None:
     assert rounded[2] > 0.95
 
 
+def test_hidden_nodes_are_not_read() -> None:
+    file = lit({"type": "point"}, nodes=[{"mesh": 0, "translation": [0, 1, 0]}])
+    file.document["nodes"].append({"children": [1], "extensions": {"KHR_node_visibility": {"visible": False}}})
+    file.document["scenes"][0]["nodes"] = [0, 2]
+    file.document["extensionsRequired"] = ["KHR_node_visibility"]
+    scene = read(file)
+    assert (len(scene.objects), scene.lamps) == (1, ())
+    file.document["nodes"][2]["extensions"]["KHR_node_visibility"]["visible"] = True
+    scene = read(file)
+    assert (len(scene.objects), len(scene.lamps)) == (2, 1)
+
+
 def test_what_has_no_surface_is_left_out_and_said() -> None:
     file = floor()
     (primitive,) = file.document["meshes"][0]["primitives"]
@@ -413,6 +425,11 @@ def test_instances_on_the_gpu() -> None:
     np.testing.assert_allclose(leaning.shading[:, :2], [[0.707, 0], [0, 0.707], [-0.707, 0]], atol=6e-3)
     file.document["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = file.add([[1, 1, 1]])
     with pytest.raises(MeshError, match="instances with unlike numbers"):
+        read(file)
+    file.document["accessors"].append({"componentType": 5126, "count": 200_000, "type": "VEC3"})
+    placing = {"TRANSLATION": len(file.document["accessors"]) - 1}
+    file.document["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = placing
+    with pytest.raises(MeshError, match="shows 200000 instances; at most 100000 are read"):
         read(file)
 
 
