@@ -18,8 +18,10 @@ UNREADABLE = {
     "KHR_meshopt_compression": "meshopt compression",
 }
 INSTANCES = "EXT_mesh_gpu_instancing"
+VISIBILITY = "KHR_node_visibility"
 HARMLESS = (
     INSTANCES,
+    VISIBILITY,
     "KHR_mesh_quantization",
     "KHR_materials_",
     "KHR_texture_",
