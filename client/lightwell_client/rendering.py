@@ -110,6 +110,7 @@ def render_igi(
     *,
     light: _Light | ArrayLike | None = None,
     size: tuple[int, int] | None = None,
+    samples: int | None = None,
     out: str | Path | None = None,
     server: str = DEFAULT_SERVER,
     token: str | None = None,
@@ -140,7 +141,12 @@ def render_igi(
         warnings.warn(remark, stacklevel=2)
     picture = loaded.picture
     rendering = render_lights(
-        loaded.scene, loaded.camera, size or (picture.width, picture.height), loaded.settings, progress
+        loaded.scene,
+        loaded.camera,
+        size or (picture.width, picture.height),
+        loaded.settings,
+        progress,
+        samples=samples or loaded.samples,
     )
     if out is not None:
         ev = meter_rendering(rendering) if picture.ev is None else picture.ev

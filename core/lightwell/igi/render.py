@@ -231,13 +231,13 @@ def render_igi(
     threads
         How many work at once; by default as many as there are cores.
     samples
-        N: a pixel is the mean of N² rays, which share the incident radiance of its centre (`lightwell.igi.subpixels`).
-        With another filter than ``sh`` a pixel is one ray.
+        N: a pixel is the mean of N² rays, which share the incident radiance of its centre (`lightwell.igi.subpixels`);
+        with another filter than ``sh`` a pixel is one ray.
 
     Raises
     ------
     ValueError
-        Where the size or ``samples`` is out of range.
+        Where the size or ``samples`` is out of range, or ``samples`` and the filter do not go together.
     RenderError
         Where the camera stands inside an object.
     """
@@ -246,6 +246,8 @@ def render_igi(
         raise ValueError(f"tile = {tile} must be at least 1")
     if not 1 <= samples <= MAX_SAMPLES:
         raise ValueError(f"samples = {samples} must lie between 1 and {MAX_SAMPLES}")
+    if samples > 1 and settings.filter != "sh":
+        raise ValueError(f"samples = {samples} needs filter = 'sh': with {settings.filter!r} a pixel is one ray")
     renderer = IgiRenderer(scene, settings)
     require_outside(renderer.surfaces, camera)
     tiles = cut(size, tile)

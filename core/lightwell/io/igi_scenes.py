@@ -46,6 +46,11 @@ class LoadedIgiScene:
     remarks: tuple[str, ...]
     """What the picture will not show, and that there is no light where there is none: one line each."""
 
+    @property
+    def samples(self) -> int:
+        """N: a pixel is the mean of N² rays."""
+        return self.picture.samples if self.settings.filter == "sh" else 1
+
 
 def load_igi_scene(
     settings: SceneSettings,
@@ -94,8 +99,11 @@ def load_igi_scene(
         sky, field = _light(loader, settings.light, objects)
     if settings.backdrop.file is not None:
         raise RenderError(f"{where}: backdrop.file: igi shows the light itself behind objects: name it as light.file")
-    if "samples" in settings.picture.model_fields_set and settings.picture.samples > 1:
-        remarks.append(f"{where}: picture.samples: is left out; igi takes one ray a pixel: render larger and shrink")
+    if settings.igi.filter != "sh" and "samples" in settings.picture.model_fields_set and settings.picture.samples > 1:
+        remarks.append(
+            f"{where}: picture.samples: is left out; with igi.filter = {settings.igi.filter!r} a pixel is one ray:"
+            " render larger and shrink"
+        )
     scene = IgiScene(tuple(objects), () if found is None else found.lamps, sky, field)
     if _is_dark(scene):
         given = "no [light]" if sky is None else "what [light] names is black"

@@ -33,7 +33,7 @@ def render(
         None, help="harmonics: as the web page. igi: virtual point lights, slower, with light that surfaces reflect."
     ),
     size: str | None = typer.Option(None, metavar="WxH", help="Pixels, such as 640x480, in place of the scene's own."),
-    samples: int | None = typer.Option(None, min=1, max=16, help="harmonics: N: a pixel is the mean of N² rays."),
+    samples: int | None = typer.Option(None, min=1, max=16, help="N: a pixel is the mean of N² rays."),
     sets: str | None = typer.Option(None, metavar="NxM", help="igi: sets of virtual lights, interleaved so."),
     vpls: int | None = typer.Option(None, min=1, help="igi: virtual lights, all sets together."),
     coefficients: bool = typer.Option(False, "--coefficients", help="igi: also write incident radiance to the EXR."),
@@ -50,11 +50,13 @@ def render(
         require_format(path)
     pixels = None if size is None else _size(size)
     igi = {key: value for key, value in (("sets", sets), ("vpls", vpls)) if value is not None}
-    changes: dict[str, Any] = ({} if method is None else {"method": method.value}) | ({"igi": igi} if igi else {})
+    changes: dict[str, Any] = {"igi": igi} if igi else {}
+    if method is not None:
+        changes["method"] = method.value
+    if samples is not None:
+        changes["picture"] = {"samples": samples}
     settings = read_scene_settings(scene, changes)
     if settings.method == "igi":
-        if samples is not None:
-            _refuse("--samples", "igi takes one ray a pixel: render larger and shrink")
         if coefficients:
             layers = tuple(dict.fromkeys((*settings.igi.layers, "coefficients")))
             settings = settings.model_copy(update={"igi": settings.igi.model_copy(update={"layers": layers})})
@@ -62,7 +64,7 @@ def render(
         return
     if igi or coefficients:
         _refuse("--sets, --vpls and --coefficients", "add --method igi")
-    _render_by_harmonics(settings, scene, out, pixels, samples, ev, server, token, json)
+    _render_by_harmonics(settings, scene, out, pixels, ev, server, token, json)
 
 
 def _render_by_harmonics(
@@ -70,7 +72,6 @@ def _render_by_harmonics(
     scene: Path,
     out: list[Path],
     size: tuple[int, int] | None,
-    samples: int | None,
     ev: float | None,
     server: str,
     token: str | None,
@@ -85,7 +86,7 @@ def _render_by_harmonics(
     with ServerSources(server, token) as sources, quiet_libraries():
         loaded = load_scene(settings, scene.parent, sources, where=str(scene), shadows=False)
     exposure = loaded.ev if ev is None else ev
-    rays = samples or settings.picture.samples
+    rays = settings.picture.samples
     started = time.monotonic()
     if settings.shadows.mode != "none":
         with progress_bar("shadows"):

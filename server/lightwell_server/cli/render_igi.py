@@ -49,7 +49,9 @@ def render_by_lights(
         typer.echo(f"lightwell: {remark}", err=True)
     started = time.monotonic()
     with _interruptible() as check, progress_bar("rendering") as report:
-        rendering = render_igi(loaded.scene, loaded.camera, pixels, loaded.settings, report, check)
+        rendering = render_igi(
+            loaded.scene, loaded.camera, pixels, loaded.settings, report, check, samples=loaded.samples
+        )
     seconds = time.monotonic() - started
     exposure = settings.picture.ev if ev is None else ev
     exposure = meter_rendering(rendering) if exposure is None else exposure
@@ -61,6 +63,7 @@ def render_by_lights(
         "method": "igi",
         "width": pixels[0],
         "height": pixels[1],
+        "samples": loaded.samples,
         "seconds": round(seconds, 3),
         "ev": exposure,
         "sets": list(loaded.settings.sets),

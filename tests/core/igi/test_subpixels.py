@@ -161,3 +161,5 @@ def test_what_no_centre_is_on_gathers_its_own_light() -> None:
 def test_samples_out_of_range(samples: int) -> None:
     with pytest.raises(ValueError, match=f"samples = {samples} must lie between 1 and 16"):
         render_igi(IgiScene(()), ABOVE, (4, 4), IgiSettings(), samples=samples)
+    with pytest.raises(ValueError, match="samples = 2 needs filter = 'sh': with 'none' a pixel is one ray"):
+        render_igi(IgiScene(()), ABOVE, (4, 4), IgiSettings(filter="none"), samples=2)
