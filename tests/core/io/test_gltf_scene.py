@@ -154,6 +154,12 @@ def test_normal_maps_lean_along_tangents_also_in_mirror_images() -> None:
         np.testing.assert_allclose(at(read(file), 0.5, 0.5).shading[0], [0, 0.707, 0.707], atol=6e-3)
         file.document["nodes"][0] |= {"scale": [-1, 1, 1]}
         np.testing.assert_allclose(at(read(file), -0.5, 0.5).shading[0], [0, 0.707, 0.707], atol=6e-3)
+    # Coordinates that are a mirror image: u runs against +x, what is up stays up.
+    backwards = {"TEXCOORD_0": [[1, 1], [0, 1], [0, 0], [1, 0]]}
+    for extra in (backwards, backwards | {"TANGENT": [[-1, 0, 0, -1]] * 4}):
+        for picture, normal in ((leaning, [-0.707, 0, 0.707]), (up, [0, 0.707, 0.707])):
+            found = at(read(floor(material, (picture,), **extra)), 0.5, 0.5)
+            np.testing.assert_allclose(found.shading[0], normal, atol=6e-3)
 
 
 def test_instances_share_a_material_and_stand_where_their_nodes_put_them() -> None:
