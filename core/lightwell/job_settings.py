@@ -6,6 +6,7 @@ The command line, ``lightwell.toml``, the REST API and the executor all use thes
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -23,6 +24,7 @@ from lightwell.scene_settings import (
     Name,
     Place,
     one_or_more,
+    require_view,
 )
 from lightwell.settings import MappingSettings, Settings, Vector3, WindowSettings
 from lightwell.video_settings import VideoSettings
@@ -196,6 +198,9 @@ class PrtTransferSettings(Settings):
     )
 
 
+Coefficient = Annotated[float, Field(ge=-1e20, le=1e20)]
+
+
 class IgiLightSettings(Settings):
     """What shines on the scene from outside it, in place of what its file says; lamps in the scene add to it."""
 
@@ -232,8 +237,9 @@ class IgiLightSettings(Settings):
     probe_at: Place | None = Field(
         None, description="grid with map or stream: where that probe stands, metres; default: where the stream says"
     )
-    coefficients: tuple[Vector3, ...] | None = Field(
+    coefficients: tuple[tuple[Coefficient, Coefficient, Coefficient], ...] | None = Field(
         None,
+        min_length=1,
         max_length=121,
         description="bands² rows of red, green, blue: what the stream showed; the server fills that in",
     )
@@ -247,6 +253,9 @@ class IgiLightSettings(Settings):
             raise PydanticCustomError(
                 "light", "give map, frames or stream, not {named}", {"named": " and ".join(named)}
             )
+        if self.coefficients is not None and math.isqrt(len(self.coefficients)) ** 2 != len(self.coefficients):
+            words = "coefficients must be bands² rows (1, 4, 9, 16, 25, …), not {found}"
+            raise PydanticCustomError("light", words, {"found": len(self.coefficients)})
         if self.frame is not None and self.frames is None:
             raise PydanticCustomError("light", "frame is one of those that frames names: give frames")
         if self.frames is not None and self.grid is not None:
@@ -264,6 +273,11 @@ class KeyCameraSettings(Settings):
     target: Place = Field((0.0, 0.0, 0.0), description="what is in the middle of the picture, metres")
     up: Place = Field((0.0, 0.0, 1.0), description="world direction of the picture's top")
     fov_degrees: Degrees = Field(36.0, description="angle from the lower to the upper edge, degrees")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        require_view(self.position, self.target, self.up)
+        return self
 
 
 class IgiCameraSettings(Settings):
@@ -292,6 +306,14 @@ class IgiCameraSettings(Settings):
             raise PydanticCustomError("camera", "has a path: leave name, position and orbit_degrees out")
         if len(self.path) == 1:
             raise PydanticCustomError("camera", "path needs two cameras or more; one is position, target …")
+        if self.position is not None:
+            require_view(self.position, self.target, self.up)
+            return self
+        # What has its default may have been written down by the queue.
+        fields = IgiCameraSettings.model_fields
+        said = [name for name in ("target", "up", "fov_degrees") if getattr(self, name) != fields[name].default]
+        if said:
+            raise PydanticCustomError("camera", "has {said} but no position", {"said": ", ".join(said)})
         return self
 
 

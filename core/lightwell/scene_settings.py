@@ -60,6 +60,14 @@ def _colour(value: Any) -> Any:  # noqa: ANN401
     return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
+def require_view(position: Place, target: Place, up: Place) -> None:
+    """Raise `PydanticCustomError` where a camera looks nowhere."""
+    if max(abs(a - b) for a, b in zip(position, target, strict=True)) < 1e-6:
+        raise PydanticCustomError("camera", "position and target must differ")
+    if max(map(abs, up)) < 1e-6:
+        raise PydanticCustomError("camera", "up must have a length")
+
+
 class CameraSettings(Settings):
     """A pinhole camera: its place, or (igi) one of the scene's glTF file; by default the first."""
 
@@ -78,10 +86,7 @@ class CameraSettings(Settings):
             return self
         if self.name is not None:
             raise PydanticCustomError("scene", "has a name and a position: give one of them")
-        if max(abs(a - b) for a, b in zip(self.position, self.target, strict=True)) < 1e-6:
-            raise PydanticCustomError("camera", "position and target must differ")
-        if max(map(abs, self.up)) < 1e-6:
-            raise PydanticCustomError("camera", "up must have a length")
+        require_view(self.position, self.target, self.up)
         return self
 
 

@@ -46,35 +46,49 @@ def changes_light(settings: IgiRenderSettings) -> bool:
     return settings.light.frames is not None and settings.light.frame is None
 
 
-def film_length(settings: IgiRenderSettings) -> int:
-    """Return how many pictures show a recording; kept for as long as its file is the same.
+class LightSize(NamedTuple):
+    """How much light there is."""
+
+    pictures: int
+    """That show the whole of a recording; 1 where light does not change."""
+    texels: int
+    """Of the map or the first recorded picture."""
+
+
+def light_size(settings: IgiRenderSettings) -> LightSize:
+    """Return how much light there is; kept for as long as its file is the same.
 
     Raises
     ------
     JobError
         Where it cannot be used, or has no ``light.frame``.
     """
-    named = Path(str(settings.light.frames))
-    found = named if named.exists() else named.parent
+    light = settings.light
+    named = light.map if light.frames is None else light.frames
+    if named is None:
+        return LightSize(1, 0)
+    found = Path(named) if Path(named).exists() else Path(named).parent
     try:
         state = found.stat()
         version = (state.st_mtime_ns, state.st_size)
     except OSError:
         version = (0, 0)
-    return _film_length(
-        settings.light.model_dump_json(include={"frames", "frame", "stream", "video"}), version, settings.fps
-    )
+    used = light.model_dump_json(include={"map", "frames", "frame", "stream", "video", "mapping"})
+    return _light_size(used, version, settings.fps)
 
 
 @lru_cache(maxsize=64)
-def _film_length(light: str, version: tuple[int, int], fps: float) -> int:
+def _light_size(light: str, version: tuple[int, int], fps: float) -> LightSize:
     del version
     settings = IgiLightSettings.model_validate_json(light)
-    found = recording_of(settings)
-    assert found is not None
-    if settings.frame is not None:
-        _frame(found, settings.frame)
-    return found.film_length(fps)
+    recording = recording_of(settings)
+    if recording is None:
+        return LightSize(1, _read(settings, Path(str(settings.map)), None, "light.map").pixels.size)
+    first = 0 if settings.frame is None else _frame(recording, settings.frame)
+    texels = 0
+    if recording.pictures:
+        texels = _read(settings, *recording.pictures[first], "light.frames").pixels.size
+    return LightSize(recording.film_length(fps), texels)
 
 
 def _frame(recording: Recording, number: int) -> int:
@@ -114,10 +128,14 @@ def read_sky(light: IgiLightSettings, shown: Shown, work: Path) -> Sky:
     if shown.source == COEFFICIENTS:
         assert shown.number is not None
         return sky_of_harmonics(light.gain * np.load(work / COEFFICIENTS, mmap_mode="r")[shown.number])
+    return _read(light, Path(shown.source), shown.number, "light.frames")
+
+
+def _read(light: IgiLightSettings, path: Path, number: int | None, field: str) -> Sky:
+    """Return a picture as a sky; raises `JobError`."""
     try:
-        pixels = read_recorded_picture(Path(shown.source), shown.number, light.video)
-        return sky_of_picture(pixels, light.mapping, light.gain)
+        return sky_of_picture(read_recorded_picture(path, number, light.video), light.mapping, light.gain)
     except FrameError as error:
-        raise JobError(f"light.frames: {error}") from None
+        raise JobError(f"{field}: {error}") from None
     except LightwellError as error:
-        raise JobError(f"light.mapping: {Path(shown.source).name}: {error}") from None
+        raise JobError(f"light.mapping: {path.name}: {error}") from None

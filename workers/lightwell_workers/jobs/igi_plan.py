@@ -12,7 +12,7 @@ from lightwell.igi.rendering import TILE, Tile, cut
 from lightwell.igi_settings import IgiSettings
 from lightwell.job_settings import IgiRenderSettings
 from lightwell.render.camera import Camera
-from lightwell_workers.jobs.igi_light import Shown, changes_light
+from lightwell_workers.jobs.igi_light import Shown, changes_light, light_size
 from lightwell_workers.jobs.igi_scene import frame_count, scene_of, size_of
 from lightwell_workers.jobs.kind import Estimate
 
@@ -137,6 +137,7 @@ def estimate(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -
     scene, size = scene_of(settings), size_of(settings, roots)
     igi, width, height = scene.igi, scene.picture.width, scene.picture.height
     frames = frame_count(settings)
+    texels = size.texels + light_size(settings).texels
     side = tile_side(igi, size.lamps)
     tiles = -(-width // side) * -(-height // side)
     # Tiles at the edges may be smaller, and all have margins.
@@ -153,7 +154,7 @@ def estimate(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -
         memory_bytes=round(
             PROCESS_BYTES
             + TRIANGLE_BYTES * size.triangles
-            + 4 * size.texels
+            + 4 * texels
             + max(tile_bytes, 12 * channels * min(pixels, side * side * tiles))
         ),
         disk_bytes=round(MEGABYTE + pixels * (4 * channels + 4) * (frames + min(frames, 1 + group))),

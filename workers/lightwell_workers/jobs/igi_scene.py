@@ -22,7 +22,7 @@ from lightwell.render.camera import Camera
 from lightwell.render.path import camera_path, orbit
 from lightwell.scene_settings import CameraSettings, SceneLightSettings, SceneSettings
 from lightwell_workers.jobs.directory import JOB_ID, JobDirectory
-from lightwell_workers.jobs.igi_light import changes_light, film_length
+from lightwell_workers.jobs.igi_light import changes_light, light_size
 from lightwell_workers.jobs.kind import JobError
 
 FRAMES_OF_A_MOVE = 48
@@ -163,7 +163,7 @@ def _size(scene: str, version: tuple[int, int], camera: str, roots: tuple[Path, 
 
 def frame_count(settings: IgiRenderSettings) -> int:
     """Return how many pictures there are; raises `LightwellError` where the recording cannot be used."""
-    length = 0 if settings.light.frames is None else film_length(settings)
+    length = light_size(settings).pictures
     if settings.frames is not None:
         return settings.frames
     if changes_light(settings):
@@ -219,6 +219,4 @@ def _camera(settings: IgiCameraSettings) -> CameraSettings | None:
     placed = settings.path[0] if settings.path else settings
     if placed.position is None:
         return None
-    if max(abs(a - b) for a, b in zip(placed.position, placed.target, strict=True)) < 1e-6:
-        raise JobError("camera: position and target must differ")
     return CameraSettings(position=placed.position, target=placed.target, up=placed.up, fov_degrees=placed.fov_degrees)
