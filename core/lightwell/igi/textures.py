@@ -13,6 +13,9 @@ Singles = NDArray[np.float32]
 Wrap = Literal["repeat", "mirror", "clamp"]
 Encoding = Literal["linear", "srgb"]
 
+FARTHEST = 1e9
+"""Coordinates in pictures are no larger, so that texels can be counted."""
+
 
 @dataclass(frozen=True, eq=False)
 class Texture:
@@ -40,8 +43,10 @@ class Texture:
             if not np.isfinite(self.pixels).all():
                 raise ValueError("the texture holds values that are not finite: repair them")
             object.__setattr__(self, "pixels", np.ascontiguousarray(self.pixels, np.float32))
-        if self.transform is not None and np.shape(self.transform) != (2, 3):
-            raise ValueError(f"the texture's transform has the shape {np.shape(self.transform)}; (2, 3) is needed")
+        if self.transform is not None and not (
+            np.shape(self.transform) == (2, 3) and (np.abs(self.transform) < FARTHEST).all()
+        ):
+            raise ValueError(f"the texture's transform {self.transform} must be (2, 3), of numbers below {FARTHEST:g}")
 
     def at(self, uv: Singles, width: Singles | None = None) -> Singles:
         """Return the values ``(n, C)`` at texture coordinates ``(n, 2)``.
@@ -128,10 +133,10 @@ class Texture:
 
     def _placed(self, uv: Singles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         u, v = uv[:, 0].astype(np.float64), uv[:, 1].astype(np.float64)
-        if self.transform is None:
-            return u, v
-        (a, b, c), (d, e, f) = self.transform
-        return a * u + b * v + c, d * u + e * v + f
+        if self.transform is not None:
+            (a, b, c), (d, e, f) = self.transform
+            u, v = a * u + b * v + c, d * u + e * v + f
+        return np.clip(u, -FARTHEST, FARTHEST), np.clip(v, -FARTHEST, FARTHEST)
 
 
 def linear_from_srgb(encoded: NDArray[np.floating]) -> Singles:

@@ -62,6 +62,8 @@ def test_a_texture_can_be_moved_and_scaled() -> None:
     np.testing.assert_allclose(
         Texture(pixels, transform=transform).at(uv), Texture(pixels).at(moved.astype(np.float32)), atol=1e-4
     )
+    far = Texture(pixels).at(np.array([[3e38, -3e38]], np.float32))
+    assert np.isfinite(far).all()
     smooth = np.sin(np.linspace(0, 2 * np.pi, 64, endpoint=False))[None, :, None].astype(np.float32).repeat(64, 0)
     slope = Texture(smooth, transform=transform).slopes_at(uv)
     at = 2 * np.pi * ((uv @ transform[0, :2] + transform[0, 2]) - 0.5 / 64)
@@ -131,6 +133,10 @@ def test_smooth_normals_and_flat_ones() -> None:
         (lambda: IgiMaterial(emission=(-1, 0, 0)), "emission"),
         (lambda: IgiMaterial(base_texture=Texture(np.ones((1, 1, 1), np.float32))), "base_texture has 1 channels"),
         (lambda: Texture(np.full((1, 1, 3), np.nan, np.float32)), "not finite"),
+        (lambda: Texture(np.ones((1, 1, 3), np.float32), transform=np.full((2, 3), np.inf)), "transform"),
+        (lambda: Texture(np.ones((1, 1, 3), np.float32), encoding="srgb"), "only bytes"),
+        (lambda: IgiMaterial(alpha=1.5), "alpha = 1.5"),
+        (lambda: IgiObject(plane(1), IgiMaterial(), alpha=np.ones(3, np.float32)), "alpha of object"),
         (lambda: IgiObject(plane(1), IgiMaterial(bump_texture=Texture(np.ones((1, 1, 1), np.float32)))), "no texture"),
         (lambda: IgiObject(plane(1), IgiMaterial(), (np.zeros((3, 2), np.float32),)), r"\(4, 2\) are needed"),
         (lambda: IgiObject(plane(1), IgiMaterial(), tangents=np.zeros((3, 4), np.float32)), "tangents"),
