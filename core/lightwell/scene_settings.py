@@ -234,7 +234,7 @@ class SceneObjectSettings(Settings):
     mirror: Fraction = Field(0.0, description="weight of the mirrored backdrop (paper 003, equation 15)")
     two_sided: bool = Field(False, description="show and light the backs of triangles too")
     emission: Annotated[tuple[Power, Power, Power], BeforeValidator(_colour)] = Field(
-        (0.0, 0.0, 0.0), description="igi: radiance of the front, of both sides with two_sided; linear: one number or three"
+        (0.0, 0.0, 0.0), description="igi: radiance, of the back too with two_sided; linear: one number or three"
     )
 
     @model_validator(mode="after")
