@@ -1,8 +1,10 @@
 """Light of a captured grid, which comes in at the boundary of its volume (MATHS §10).
 
 The boundary is that of the grid's box, enlarged where the scene reaches beyond it: out there the field is that of the
-nearest cell. What it sends inwards is the radiance of its coefficients, with the window of MATHS §4.1(c) so that it is
-nowhere negative.
+nearest cell. What it sends inwards is the radiance of its coefficients under the Lanczos window, and nothing where that
+still is below zero. (The window of MATHS §4.1(c), with which it is nowhere negative, blurs so much that irradiance comes
+out twice as wrong with 9 coefficients.) Between the boundary and a surface light goes straight, as light does, though
+truncated fields do not: near lamps a few percent are gained or lost.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ class Boundary:
             room = MARGIN * surfaces.radius
             lower, upper = np.minimum(lower, low - room), np.maximum(upper, high + room)
         self._field, self._lower, self._size = field, lower, upper - lower
-        self._weights = fixed_window("nonneg", field.bands, target="radiance")
+        self._weights = fixed_window("lanczos", field.bands)
         face, row, column = (part.reshape(-1) for part in np.indices((6, CELLS, CELLS)))
         self._face, self._row, self._column = face, row, column
         everything = np.arange(len(face))
