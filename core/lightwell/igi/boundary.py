@@ -2,9 +2,9 @@
 
 The boundary is that of the grid's box, enlarged where the scene reaches beyond it: out there the field is that of the
 nearest cell. What it sends inwards is the radiance of its coefficients under the Lanczos window, and nothing where that
-still is below zero. (The window of MATHS §4.1(c), with which it is nowhere negative, blurs so much that irradiance comes
-out twice as wrong with 9 coefficients.) Between the boundary and a surface light goes straight, as light does, though
-truncated fields do not: near lamps a few percent are gained or lost.
+still is below zero. (The window of MATHS §4.1(c), with which it is nowhere negative, blurs more: with 9 coefficients
+irradiance is off by one and a half to twice as much.) Between the boundary and a surface light goes straight, as light
+does, though truncated fields do not: near lamps a few percent are gained or lost.
 """
 
 from __future__ import annotations
