@@ -71,7 +71,10 @@ def _grid(parts: Services, named: str) -> str:
         except ArtifactNotFoundError:
             raise JobError(f"light.grid: there is no grid {named!r}; GET /api/v1/grids lists them") from None
         return named
-    return str(parts.captures.allowed(named))
+    folder = parts.captures.allowed(named)
+    if not folder.is_dir():
+        raise JobError(f"light.grid: {named}: is no folder of a grid, such as grid-32.zarr")
+    return str(folder)
 
 
 def _snapshot(parts: Services, stream: str, earlier: Job | None) -> dict[str, Any]:

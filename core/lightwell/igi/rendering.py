@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -76,22 +77,29 @@ def cut(size: tuple[int, int], side: int = TILE) -> list[Tile]:
     ]
 
 
-def assemble(size: tuple[int, int], parts: list[tuple[Tile, IgiRendering]]) -> IgiRendering:
-    """Return a picture of all its tiles."""
+LAYERS = ("lit", "behind", "coverage", "normal", "depth", "albedo", "direct", "indirect", "set", "coefficients")
+"""Fields of a rendering that have a value a pixel."""
+
+
+def assemble(size: tuple[int, int], parts: Iterable[tuple[Tile, IgiRendering]]) -> IgiRendering:
+    """Return a picture of all its tiles, which are taken one after the other."""
     width, height = size
-    layers: dict[str, NDArray[Any] | None] = {}
-    for name in ("lit", "behind", "coverage", "normal", "depth", "albedo", "direct", "indirect", "set", "coefficients"):
-        example = getattr(parts[0][1], name)
-        if example is None:
-            layers[name] = None
-            continue
-        whole = np.empty((height, width, *example.shape[2:]), example.dtype)
-        for tile, part in parts:
-            whole[tile.top : tile.bottom, tile.left : tile.right] = getattr(part, name)
-        layers[name] = whole
+    layers: dict[str, NDArray[Any]] = {}
+    arrived, clamped, rays = [], [], 0
+    for tile, part in parts:
+        for name in LAYERS:
+            values = getattr(part, name)
+            if values is None:
+                continue
+            if name not in layers:
+                layers[name] = np.empty((height, width, *values.shape[2:]), values.dtype)
+            layers[name][tile.top : tile.bottom, tile.left : tile.right] = values
+        arrived.append(part.arrived)
+        clamped.append(part.clamped)
+        rays += part.rays
     return IgiRendering(
-        **layers,  # type: ignore[arg-type]
-        arrived=sum(part.arrived for _, part in parts),
-        clamped=sum(part.clamped for _, part in parts),
-        rays=sum(part.rays for _, part in parts),
+        **{name: layers.get(name) for name in LAYERS},  # type: ignore[arg-type]
+        arrived=sum(arrived),
+        clamped=sum(clamped),
+        rays=rays,
     )

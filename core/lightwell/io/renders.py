@@ -19,6 +19,8 @@ from lightwell.render.picture import Rendering
 from lightwell.render.tonemap import expose_and_encode
 
 SUFFIXES = (".exr", ".png")
+BLOCK_ROWS = 128
+"""Of a picture that is encoded."""
 
 
 def require_format(path: Path) -> None:
@@ -64,12 +66,17 @@ def picture_png(
     colour: NDArray[np.float32], coverage: NDArray[np.float32] | None, ev: float = 0.0, *, tone_mapping: bool = True
 ) -> bytes:
     """Return radiance ``(H, W, 3)`` as PNG: RGB, or RGBA where it is premultiplied with a coverage ``(H, W)``."""
-    if coverage is None:
-        return _png(expose_and_encode(colour, ev, tone_mapping=tone_mapping)[..., ::-1])
-    straight = colour / np.where(coverage > 0, coverage, 1)[..., None]
-    encoded = expose_and_encode(straight, ev, tone_mapping=tone_mapping)
-    alpha = np.rint(coverage[..., None] * 255).astype(np.uint8)
-    return _png(np.concatenate([encoded[..., ::-1], alpha], axis=-1))
+    height, width = colour.shape[:2]
+    pixels = np.empty((height, width, 3 if coverage is None else 4), np.uint8)
+    # Some rows at a time: in double precision, with what tone mapping holds, pixels are ten times as large.
+    for top in range(0, height, BLOCK_ROWS):
+        rows = slice(top, top + BLOCK_ROWS)
+        shown = colour[rows]
+        if coverage is not None:
+            shown = shown / np.where(coverage[rows] > 0, coverage[rows], 1)[..., None]
+            pixels[rows, :, 3] = np.rint(coverage[rows] * 255)
+        pixels[rows, :, 2::-1] = expose_and_encode(shown, ev, tone_mapping=tone_mapping)
+    return _png(pixels)
 
 
 def _png(pixels: NDArray[np.uint8]) -> bytes:

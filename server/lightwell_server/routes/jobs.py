@@ -24,7 +24,7 @@ from lightwell_server.services import Services, services
 from lightwell_workers.jobs.directory import JobDirectory
 from lightwell_workers.jobs.job import FINISHED, Job
 from lightwell_workers.jobs.kinds import KINDS, load_kind
-from lightwell_workers.jobs.workflow import space_problem
+from lightwell_workers.jobs.workflow import memory_problem, space_problem
 
 if TYPE_CHECKING:
     from lightwell_workers.jobs.queue import Queue
@@ -53,7 +53,7 @@ class EstimateDocument(BaseModel):
     seconds: float = Field(description="core time")
     memory_bytes: int = Field(description="in each compute process")
     disk_bytes: int = Field(description="results, and files while it runs")
-    fits: bool = Field(description="whether quota and free disk allow it now")
+    fits: bool = Field(description="whether quota, free disk and memory allow it now")
     reason: str | None = Field(None, description="why it does not fit")
 
 
@@ -200,7 +200,9 @@ def _settings(parts: Services, submission: JobSubmission, earlier: Job | None) -
 def _estimate(parts: Services, kind: JobKind, settings: Settings) -> EstimateDocument:
     """Return what the job needs."""
     need = load_kind(kind).estimate(settings, parts.captures.roots)
-    reason = space_problem(parts.jobs.settings, parts.jobs.root, need.disk_bytes)
+    reason = space_problem(parts.jobs.settings, parts.jobs.root, need.disk_bytes) or memory_problem(
+        parts.jobs.settings, need.memory_bytes
+    )
     return EstimateDocument(
         seconds=round(need.seconds, 3),
         memory_bytes=need.memory_bytes,

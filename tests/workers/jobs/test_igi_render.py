@@ -252,6 +252,7 @@ def test_what_cannot_be_rendered_is_said(tmp_path: Path, folder: Path) -> None:
         ),
         ("lit.toml", {"light": {"frames": str(folder / "none.*.exr")}}, "matches no file"),
         ("lit.toml", {"light": {"grid": "no.such-grid"}}, "no grid"),
+        ("lit.toml", {"frames": 3}, "nothing changes from picture to picture"),
     ]
     for number, (scene, settings, words) in enumerate(refused):
         with pytest.raises(LightwellError, match=words):

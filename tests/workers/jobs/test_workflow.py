@@ -14,7 +14,7 @@ from lightwell.job_settings import IlfGridSettings, JobsSettings
 from lightwell_workers.jobs.context import JobCancelled
 from lightwell_workers.jobs.directory import JobDirectory
 from lightwell_workers.jobs.events import EventLog, last_state, read_events
-from lightwell_workers.jobs.workflow import PREPARE, Runner, space_problem, used_bytes
+from lightwell_workers.jobs.workflow import PREPARE, Runner, memory_problem, space_problem, used_bytes
 
 MEGABYTE = 1 << 20
 
@@ -45,6 +45,12 @@ def test_a_job_needs_only_what_it_has_not_written(tmp_path: Path, monkeypatch: p
     settings = JobsSettings(min_free_mb=1)
     assert "needs 4 MB" in (space_problem(settings, tmp_path, 3 * MEGABYTE) or "")
     assert space_problem(settings, tmp_path, 4 * MEGABYTE, "job-retried") is None
+
+
+def test_a_job_larger_than_the_machine_is_refused() -> None:
+    assert memory_problem(JobsSettings(), 100 * MEGABYTE) is None
+    assert "this machine has" in (memory_problem(JobsSettings(), 1 << 60) or "")
+    assert memory_problem(JobsSettings(scheduler="tcp://elsewhere:8786"), 1 << 60) is None
 
 
 def test_an_executor_that_ends_cancels_no_job(tmp_path: Path) -> None:

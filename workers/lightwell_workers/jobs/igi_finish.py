@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from lightwell.igi.rendering import assemble
+from lightwell.igi.rendering import IgiRendering, Tile, assemble
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.files import write_atomically
 from lightwell.io.films import write_film
@@ -66,11 +66,13 @@ def finish_frames(plan: Plan, frames: Sequence[int], context: JobContext) -> Non
 def write_frame(cancel: Path, work: str, results: str, frame: int) -> None:
     """Write one picture. A task: it takes seconds where the picture is large, and a cancelled job ends before it."""
     plan, place = plan_of(work), Path(work)
-    parts = []
-    for index, tile in enumerate(plan.tiles):
-        stop_if_cancelled(cancel)
-        parts.append((tile, load_tile(tile_path(place, frame, index))))
-    rendering = assemble(plan.size, parts)
+
+    def parts() -> Iterator[tuple[Tile, IgiRendering]]:
+        for index, tile in enumerate(plan.tiles):
+            stop_if_cancelled(cancel)
+            yield tile, load_tile(tile_path(place, frame, index))
+
+    rendering = assemble(plan.size, parts())
     if not np.isfinite(rendering.colour).all():
         raise JobError(f"picture {frame} is not finite: the light or an emission is too strong; lower light.gain")
     ev = known_exposure(plan, place)

@@ -155,7 +155,7 @@ def estimate(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -
             PROCESS_BYTES
             + TRIANGLE_BYTES * size.triangles
             + 4 * texels
-            + max(tile_bytes, 12 * channels * min(pixels, side * side * tiles))
+            + max(tile_bytes, 10 * channels * min(pixels, side * side * tiles))
         ),
         disk_bytes=round(MEGABYTE + pixels * (4 * channels + 4) * (frames + min(frames, 1 + group))),
     )

@@ -164,7 +164,13 @@ def _size(scene: str, version: tuple[int, int], camera: str, roots: tuple[Path, 
 def frame_count(settings: IgiRenderSettings) -> int:
     """Return how many pictures there are; raises `LightwellError` where the recording cannot be used."""
     length = light_size(settings).pictures
+    moves = bool(settings.camera.path or settings.camera.orbit_degrees)
     if settings.frames is not None:
+        if settings.frames > 1 and not moves and not changes_light(settings):
+            raise JobError(
+                f"frames = {settings.frames}: nothing changes from picture to picture: give camera.path,"
+                " camera.orbit_degrees or light.frames"
+            )
         return settings.frames
     if changes_light(settings):
         if length > MAX_FRAMES:
@@ -173,7 +179,7 @@ def frame_count(settings: IgiRenderSettings) -> int:
                 " a lower fps"
             )
         return length
-    return FRAMES_OF_A_MOVE if settings.camera.path or settings.camera.orbit_degrees else 1
+    return FRAMES_OF_A_MOVE if moves else 1
 
 
 def cameras_of(settings: IgiCameraSettings, camera: Camera, count: int) -> list[Camera]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.igi.render import IgiRenderer
-from lightwell.igi.rendering import IgiRendering, Tile
+from lightwell.igi.rendering import LAYERS, IgiRendering, Tile
 from lightwell.igi.scene import IgiScene
 from lightwell.igi.surfaces import Surfaces
 from lightwell.igi_settings import IgiSettings
@@ -21,7 +21,6 @@ from lightwell_workers.jobs.context import stop_if_cancelled
 from lightwell_workers.jobs.igi_light import Shown, read_sky
 from lightwell_workers.jobs.igi_plan import Plan, read_plan
 
-LAYERS = ("lit", "behind", "coverage", "normal", "depth", "albedo", "direct", "indirect", "set", "coefficients")
 COUNTS = ("arrived", "clamped", "rays")
 
 

@@ -137,7 +137,11 @@ class Runner:
         if index == PREPARE or last_state(directory.events) in ("cancelled", "failed"):
             events.append("state", state="running")
         if index == PREPARE:
-            self._check_space(directory.id, estimate.disk_bytes)
+            reason = space_problem(self._settings, self._root, estimate.disk_bytes, directory.id) or memory_problem(
+                self._settings, estimate.memory_bytes
+            )
+            if reason is not None:
+                raise JobError(reason)
             context.results.mkdir(parents=True, exist_ok=True)
             kind.prepare(settings, context)
             return len(kind.steps(settings, context))
@@ -152,11 +156,6 @@ class Runner:
         context.log("step done", step=steps[index].name, seconds=round(time.monotonic() - started, 3))
         return len(steps)
 
-    def _check_space(self, job: str, wanted: int) -> None:
-        reason = space_problem(self._settings, self._root, wanted, job)
-        if reason is not None:
-            raise JobError(reason)
-
 
 def space_problem(settings: JobsSettings, root: Path, wanted: int, job: str | None = None) -> str | None:
     """Return why a job that needs ``wanted`` bytes of disk cannot start, or None; what ``job`` has already counts."""
@@ -166,7 +165,7 @@ def space_problem(settings: JobsSettings, root: Path, wanted: int, job: str | No
     if free - more < settings.min_free_mb * MEGABYTE:
         return (
             f"the disk has {free // MEGABYTE} MB free, the job needs {more // MEGABYTE + 1} MB and must leave "
-            f"{settings.min_free_mb} MB ([jobs] min_free_mb): free space, or choose a smaller grid"
+            f"{settings.min_free_mb} MB ([jobs] min_free_mb): free space, or ask for less"
         )
     used = used_bytes(root, job)
     if used + wanted > settings.quota_mb * MEGABYTE:
@@ -175,6 +174,17 @@ def space_problem(settings: JobsSettings, root: Path, wanted: int, job: str | No
             f"{wanted // MEGABYTE + 1} MB: delete finished jobs, or raise the quota"
         )
     return None
+
+
+def memory_problem(settings: JobsSettings, wanted: int) -> str | None:
+    """Return why this machine cannot hold ``wanted`` bytes, or None; the machines of a scheduler are not known."""
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if settings.scheduler or wanted <= there:
+        return None
+    return (
+        f"the job needs {wanted // MEGABYTE + 1} MB of memory, this machine has {there // MEGABYTE} MB: ask for less,"
+        " or name the scheduler of larger ones ([jobs] scheduler)"
+    )
 
 
 def used_bytes(root: Path, but: str | None = None) -> int:
