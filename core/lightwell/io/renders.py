@@ -71,7 +71,7 @@ def picture_png(
     # Some rows at a time: in double precision, with what tone mapping holds, pixels are ten times as large.
     for top in range(0, height, BLOCK_ROWS):
         rows = slice(top, top + BLOCK_ROWS)
-        shown = colour[rows]
+        shown: NDArray[np.floating] = colour[rows]
         if coverage is not None:
             shown = shown / np.where(coverage[rows] > 0, coverage[rows], 1)[..., None]
             pixels[rows, :, 3] = np.rint(coverage[rows] * 255)
