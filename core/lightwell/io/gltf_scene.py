@@ -59,7 +59,9 @@ class GltfScene:
             Where there is none.
         """
         if not self.cameras:
-            raise MeshError(f"{self.name}: has no camera; give [camera] position, or export it with one")
+            raise MeshError(
+                f"{self.name}: has no camera; give [camera] position in a scene file (TOML), or export it with one"
+            )
         fitting = (one for one in self.cameras if (one.camera is not None if name is None else one.name == name))
         found = next(fitting, self.cameras[0] if name is None else None)
         if found is None:
