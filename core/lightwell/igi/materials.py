@@ -13,6 +13,8 @@ Colour = tuple[float, float, float]
 
 DIELECTRIC = 0.04
 """Reflectance of a dielectric seen head-on: that of glTF 2.0, for an index of refraction of 1.5."""
+BRIGHTEST = 1e30
+"""Largest emission and power of a lamp: what comes of more does not fit into a float32."""
 SHARPEST = 1e4
 """Largest Phong exponent; a few bands of harmonics show nothing of one above 10 or so."""
 
@@ -66,8 +68,8 @@ class IgiMaterial:
                 raise ValueError(f"{name} = {getattr(self, name)} must lie between 0 and 1")
         if self.base is not None and not all(0 <= value <= 1 for value in self.base):
             raise ValueError(f"base = {self.base} must lie between 0 and 1")
-        if not all(np.isfinite(value) and value >= 0 for value in self.emission):
-            raise ValueError(f"emission = {self.emission} must be finite and not negative")
+        if not all(0 <= value <= BRIGHTEST for value in self.emission):
+            raise ValueError(f"emission = {self.emission} must be finite and not negative, at most {BRIGHTEST:g}")
         if not (np.isfinite(self.bump_metres) and np.isfinite(self.normal_scale)):
             raise ValueError("bump_metres and normal_scale must be finite")
         wanted = {"base_texture": 3, "metallic_roughness_texture": 3, "emission_texture": 3, "normal_texture": 3}

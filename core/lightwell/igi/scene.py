@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.geometry.mesh import Mesh
-from lightwell.igi.materials import Colour, IgiMaterial
+from lightwell.igi.materials import BRIGHTEST, Colour, IgiMaterial
 from lightwell.igi.sky import Sky
 from lightwell.render.light import StaticField
 
@@ -109,7 +109,7 @@ class IgiScene:
 
 
 def _require_light(what: str, power: Colour, place: Place) -> None:
-    if not (np.isfinite(power).all() and min(power) >= 0):
-        raise ValueError(f"{what} has the power {power}, which must be finite and not negative")
+    if not all(0 <= value <= BRIGHTEST for value in power):
+        raise ValueError(f"{what} has the power {power}, which must be finite and not negative, at most {BRIGHTEST:g}")
     if not np.isfinite(place).all():
         raise ValueError(f"{what} is at {place}, which must be finite")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lightwell.conventions import LUMINANCE
 from lightwell.igi.lights import DIRECTIONAL, VirtualLights, make_lights
+from lightwell.igi.materials import BRIGHTEST
 from lightwell.igi.sources import Floats, Rays, frames, pick
 from lightwell.probe.latlong import LatLong
 from lightwell.render.backdrop import Harmonics, Panorama
@@ -28,8 +29,8 @@ class Sky:
         pixels = np.asarray(self.pixels, np.float32)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
             raise ValueError(f"the sky has the shape {pixels.shape}; (height, width, 3) is needed")
-        if not (np.isfinite(pixels).all() and pixels.min() >= 0):
-            raise ValueError("the sky must be finite and not negative: repair the map first")
+        if not (pixels.min() >= 0 and pixels.max() <= BRIGHTEST):
+            raise ValueError(f"the sky must be finite and not negative, at most {BRIGHTEST:g}: repair the map first")
         object.__setattr__(self, "pixels", pixels)
 
     def radiance(self, directions: Floats) -> Floats:

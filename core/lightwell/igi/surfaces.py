@@ -15,7 +15,7 @@ from lightwell.igi.holes import HoledScene
 from lightwell.igi.materials import IgiMaterial, phong_exponent
 from lightwell.igi.scene import IgiObject, IgiScene
 from lightwell.igi.textures import Texture
-from lightwell.transfer.surface import LIFT, LIFT_ULPS, merge
+from lightwell.transfer.surface import LIFT_ULPS, merge
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -69,7 +69,8 @@ class Surfaces:
         self.radius = float(np.linalg.norm(upper - lower)) / 2
         """Of a sphere round everything, metres."""
         largest = float(np.abs(self.mesh.positions).max())
-        self.lift = max(2 * LIFT * self.radius, LIFT_ULPS * float(np.spacing(np.float32(largest))))
+        # Rays are precise to a few units in the last place; more would take small things' shadows off a wide ground.
+        self.lift = LIFT_ULPS * float(np.spacing(np.float32(largest)))
         """How far rays start above a surface, metres."""
         self._table = _table(self.objects)
         self._uv = _merged_uv(self.objects)
