@@ -117,12 +117,20 @@ def invalid_input(errors: Sequence[ErrorDetails], prefix: Sequence[str] = ()) ->
     fields = [
         FieldError(
             field=".".join(str(part) for part in (*prefix, *item["loc"]) if part != "[key]"),
-            message=complaint(item).lstrip("= "),
+            message=_said(item),
         )
         for item in errors
     ]
     detail = "; ".join(f"{item.field}: {item.message}" for item in fields)
     return Problem(422, "invalid-input", detail, errors=fields)
+
+
+def _said(item: ErrorDetails) -> str:
+    """Return what is wrong with a value; one that is a whole table is not repeated."""
+    said = complaint(item)
+    if isinstance(item["input"], dict):
+        said = said.removeprefix(f"= {item['input']!r}: ")
+    return said.lstrip("= ")
 
 
 def respond(problem: Problem, instance: str | None = None) -> JSONResponse:

@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 
 import type { JsonObject } from "../rest.ts";
 import { cellOf, draftOfRows, moved, rowOfCamera, rowsOf, withCell, without } from "./rows.ts";
-import { fieldsOf, settingsOf, written } from "./schema.ts";
+import { complaint, fieldsOf, settingsOf, written } from "./schema.ts";
 
 // As pydantic writes it.
 const SCHEMA: JsonObject = {
@@ -39,17 +39,35 @@ describe("lists of objects", () => {
     rows = withCell([...rows, {}], 1, position, "0, 1, 2");
     rows = withCell(rows, 1, fov, "50");
     rows = withCell(withCell(rows, 0, fov, ""), 1, fov, "wide");
-    expect(rows).toEqual([
-      { position: [1.235, -2, 0.5], target: [0, 0, 0] },
-      { position: [0, 1, 2], fov_degrees: "wide" },
+    rows = withCell([...rows, {}], 2, position, "3, ");
+    // What is half typed stays as it is.
+    expect([cellOf(rows[0]!, position), cellOf(rows[0]!, fov), cellOf(rows[1]!, fov), cellOf(rows[2]!, position)]).toEqual([
+      "1.235,-2,0.5",
+      "",
+      "wide",
+      "3, ",
     ]);
-    expect([cellOf(rows[0]!, position), cellOf(rows[0]!, fov), cellOf(rows[1]!, fov)]).toEqual(["1.235,-2,0.5", "", "wide"]);
     const draft = draftOfRows(rows);
     expect(rowsOf(draft)).toEqual(rows);
-    expect(settingsOf(fields, { "camera.path": draft })).toEqual({ camera: { path: rows } });
+    const path = [
+      { position: [1.235, -2, 0.5], target: [0, 0, 0] },
+      { position: [0, 1, 2], fov_degrees: "wide" },
+      { position: 3 },
+    ];
+    expect(settingsOf(fields, { "camera.path": draft })).toEqual({ camera: { path } });
     // As the settings of an earlier job are put into the form again.
-    expect(rowsOf(written(rows))).toEqual(rows);
+    expect(settingsOf(fields, { "camera.path": written(path) })).toEqual({ camera: { path } });
     expect(settingsOf(fields, { "camera.path": draftOfRows([]) })).toEqual({});
+  });
+
+  it("say in which of them something is wrong", () => {
+    const wrong = (field: string) => complaint(path, [{ field: `settings.${field}`, message: "is missing" }]);
+    expect([wrong("camera.path.1.fov_degrees"), wrong("camera.path.0"), wrong("camera.path"), wrong("camera")]).toEqual([
+      "2: fov (°): is missing",
+      "1: is missing",
+      "is missing",
+      "",
+    ]);
   });
 
   it("are moved and removed", () => {

@@ -1,7 +1,7 @@
 // Rows of a field that is a list of objects, such as the cameras of a path: what is typed into their cells, and back.
 
 import type { Json, JsonObject } from "../rest.ts";
-import { valueOf, written, type Field } from "./schema.ts";
+import { written, type Field } from "./schema.ts";
 
 export type Row = JsonObject;
 
@@ -26,13 +26,12 @@ export function cellOf(row: Row, column: Field): string {
   return written(row[column.path]);
 }
 
-/** Rows with a cell as it was typed; an emptied one has the column's default. */
+/** Rows with a cell as it was typed, which `settingsOf` reads; an emptied one has the column's default. */
 export function withCell(rows: readonly Row[], at: number, column: Field, text: string): Row[] {
   return rows.map((row, place) => {
     if (place !== at) return row;
     const { [column.path]: _, ...rest } = row;
-    const value = valueOf(column, text);
-    return value === undefined ? rest : { ...rest, [column.path]: value };
+    return text === "" ? rest : { ...rest, [column.path]: text };
   });
 }
 

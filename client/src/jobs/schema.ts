@@ -178,7 +178,23 @@ export function valueOf(field: Field, typed: string | boolean): Json | undefined
   const text = typed.trim();
   if (text === "") return undefined;
   if (field.input === "number" || field.input === "integer") return Number.isFinite(Number(text)) ? Number(text) : text;
-  return field.input === "list" || field.input === "rows" ? listFrom(text) : text;
+  if (field.input === "rows") return rowsFrom(field, listFrom(text));
+  return field.input === "list" ? listFrom(text) : text;
+}
+
+/** Rows whose cells are as they were typed, or values already. */
+function rowsFrom(field: Field, rows: Json): Json {
+  if (!Array.isArray(rows)) return rows;
+  return rows.map((row) => {
+    if (typeof row !== "object" || row === null || Array.isArray(row)) return row;
+    const found: JsonObject = {};
+    for (const [name, cell] of Object.entries(row)) {
+      const column = field.columns.find(({ path }) => path === name);
+      const value = column !== undefined && typeof cell === "string" ? valueOf(column, cell) : cell;
+      if (value !== undefined) found[name] = value;
+    }
+    return found;
+  });
 }
 
 function put(target: JsonObject, path: string[], value: Json): void {
@@ -216,7 +232,13 @@ function isAbout(error: FieldError, field: Field): boolean {
 
 /** The message of the server that is about a field; empty: nothing is wrong with it. */
 export function complaint(field: Field, errors: readonly FieldError[]): string {
-  return errors.find((error) => isAbout(error, field))?.message ?? "";
+  const error = errors.find((one) => isAbout(one, field));
+  if (error === undefined) return "";
+  // Of a list of objects: in which, counted as people do, and which of its values.
+  const [row, name] = error.field.replace(/^settings\./, "").slice(field.path.length + 1).split(".") as [string, string?];
+  if (field.input !== "rows" || row === "") return error.message;
+  const column = field.columns.find(({ path }) => path === name);
+  return `${Number(row) + 1}: ${column === undefined ? "" : `${column.label.toLowerCase()}: `}${error.message}`;
 }
 
 /** What is wrong with no single one of these fields, such as a section whose values do not go together; empty: nothing. */

@@ -40,7 +40,7 @@ export function RowsInput({ field, typed, source, describedBy, onChange }: Props
                       aria-label={`${field.label} ${at + 1}: ${column.label}`}
                       value={cellOf(row, column)}
                       placeholder={written(column.fallback)}
-                      onChange={(event) => set(withCell(rows, at, column, event.currentTarget.value))}
+                      onInput={(event) => set(withCell(rows, at, column, event.currentTarget.value))}
                     />
                   </label>
                 ))}
