@@ -67,6 +67,11 @@ void main() {
   #include <colorspace_fragment>
 }`;
 
+function isSamePicture(a: Backdrop, b: Backdrop): boolean {
+  const alike = a.k === b.k && a.cap === b.cap && a.jpeg.length === b.jpeg.length;
+  return alike && a.jpeg.every((byte, k) => byte === b.jpeg[k]);
+}
+
 export class Surroundings {
   /** What goes behind the objects. */
   readonly mesh: Mesh;
@@ -76,6 +81,8 @@ export class Surroundings {
   private stale = true;
   private readonly texture = new Texture();
   private next: Backdrop | null = null;
+  /** The last that was offered. */
+  private newest: Backdrop | null = null;
   private decoding = false;
   private hasPicture = false;
   private wantsPicture = true;
@@ -142,8 +149,10 @@ export class Surroundings {
     renderer.setRenderTarget(null);
   }
 
-  /** Decode a picture beside the drawing; while one is being decoded only the newest waits. */
+  /** Decode a picture beside the drawing; while one is being decoded only the newest waits. The same one stays. */
   offer(message: Backdrop): void {
+    if (this.newest !== null && isSamePicture(message, this.newest)) return;
+    this.newest = message;
     this.next = message;
     if (!this.decoding) void this.decode();
   }
@@ -151,7 +160,7 @@ export class Surroundings {
   /** Forget the picture, so that another stream's is not shown. */
   clear(): void {
     this.era++;
-    this.next = null;
+    this.next = this.newest = null;
     this.decoded?.bitmap.close();
     this.decoded = null;
     this.hasPicture = false;

@@ -3,9 +3,9 @@ import { afterEach, describe, expect, it, vi } from "vitest";
 
 import { ClockOffset, nowMs } from "./clock.ts";
 import { explain } from "./connection.ts";
-import { LiveStream, liveUrl } from "./live.ts";
+import { LiveStream, lightOf, liveUrl, looksTheSame } from "./live.ts";
 import { History, Rate } from "./rate.ts";
-import { CLOSE_NOT_FOUND, CLOSE_UNAUTHORIZED } from "./wire.ts";
+import { CLOSE_NOT_FOUND, CLOSE_UNAUTHORIZED, type Frame } from "./wire.ts";
 
 afterEach(() => {
   vi.restoreAllMocks();
@@ -29,6 +29,31 @@ describe("closes", () => {
     expect(explain(CLOSE_UNAUTHORIZED, "token expired").reason).toBe("token expired");
     expect(explain(CLOSE_NOT_FOUND, "there is no stream 'x'")).toEqual({ reason: "there is no stream 'x'", final: false });
     expect(explain(1006, "").final).toBe(false);
+  });
+});
+
+describe("light that looks the same", () => {
+  const frame = (changes: Partial<Frame> = {}): Frame =>
+    ({
+      seq: 1,
+      coefficients: new Uint8Array(Float32Array.of(1, 2, 3).buffer),
+      gradients: new Uint8Array(Float32Array.of(1, 2, 3, 4, 5, 6, 7, 8, 9).buffer),
+      position: [0, 0, 1],
+      trust_radius_m: 0.3,
+      dominant: null,
+      ...changes,
+    }) as unknown as Frame;
+  const same = (changes: Partial<Frame>): boolean => looksTheSame(lightOf(frame(), 1), lightOf(frame(changes), 2));
+
+  it("is that of another time, and no other", () => {
+    expect(same({ seq: 2, source_frame: "b" })).toBe(true);
+    expect(same({ coefficients: new Uint8Array(Float32Array.of(1, 2, 4).buffer) })).toBe(false);
+    expect(same({ gradients: null })).toBe(false);
+    expect(same({ gradients: new Uint8Array(36) })).toBe(false);
+    expect(same({ position: [0, 0, 2] })).toBe(false);
+    expect(same({ position: null })).toBe(false);
+    expect(same({ trust_radius_m: null })).toBe(false);
+    expect(same({ dominant: { direction: [0, 0, 1], irradiance: [1, 1, 1], ambient: [0, 0, 0] } })).toBe(false);
   });
 });
 

@@ -46,6 +46,23 @@ export function lightOf(frame: Frame, receivedMs: number): Light {
   return { frame, coefficients, gradients, receivedMs };
 }
 
+/** Whether two lights look the same, whenever they came: then there is nothing to draw. */
+export function looksTheSame(a: Light, b: Light): boolean {
+  return (
+    sameNumbers(a.coefficients, b.coefficients) &&
+    sameNumbers(a.gradients, b.gradients) &&
+    placeAndDirection(a) === placeAndDirection(b)
+  );
+}
+
+function sameNumbers(a: Float32Array | null, b: Float32Array | null): boolean {
+  if (a === null || b === null) return a === b;
+  return a.length === b.length && a.every((value, k) => value === b[k]);
+}
+
+const placeAndDirection = ({ frame: { position, trust_radius_m, dominant } }: Light): string =>
+  JSON.stringify([position, trust_radius_m, dominant]);
+
 export class LiveStream {
   /** The newest light; it stays when the connection goes. */
   light: Light | null = null;

@@ -3,7 +3,7 @@
 import { decode } from "@msgpack/msgpack";
 
 import { Connection, socketUrl } from "./connection.ts";
-import { lightOf, type ConnectionState, type Light } from "./live.ts";
+import { lightOf, looksTheSame, type ConnectionState, type Light } from "./live.ts";
 import { Rate } from "./rate.ts";
 import { PAGE_BANDS } from "./sh.ts";
 import type { FieldMember, FieldMessage } from "./wire.ts";
@@ -11,6 +11,15 @@ import type { FieldMember, FieldMessage } from "./wire.ts";
 /** Where the subscription of a field lives, beside the page. */
 export function fieldUrl(base: string, field: string): string {
   return socketUrl(base, `fields/${encodeURIComponent(field)}/live`, { bands: String(PAGE_BANDS) });
+}
+
+/** Whether the lights of a field look the same: then there is nothing to draw. */
+export function lookTheSame(a: ReadonlyMap<string, Light>, b: ReadonlyMap<string, Light>): boolean {
+  if (a.size !== b.size) return false;
+  return [...a].every(([stream, light]) => {
+    const other = b.get(stream);
+    return other !== undefined && looksTheSame(light, other);
+  });
 }
 
 export class LiveField {

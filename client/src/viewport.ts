@@ -27,8 +27,8 @@ import { NO_GRID, type GridInfo, type GridState } from "./grid/info.ts";
 import { limitsOf, loadField, tooLarge } from "./grid/load.ts";
 import type { Modulation } from "./grid/modulate.ts";
 import { Volume } from "./grid/volume.ts";
-import type { Light, LiveStream } from "./live.ts";
-import type { LiveField } from "./livefield.ts";
+import { looksTheSame, type Light, type LiveStream } from "./live.ts";
+import { lookTheSame, type LiveField } from "./livefield.ts";
 import { DARK, LightUniforms } from "./materials.ts";
 import { loadOwnObject } from "./objects/own.ts";
 import type { Subject } from "./objects/subject.ts";
@@ -357,13 +357,16 @@ export class Viewport {
   private update(): void {
     const newest = this.held ?? this.live.light;
     if ((!this.paused || this.held !== null) && newest !== this.shown) {
+      const before = this.shown;
       this.shown = newest;
-      // What does not depend on the stream does not change with it: nothing to draw.
-      if (isOfStream(view.peek().light)) this.applyLight(view.peek());
+      // What does not depend on the stream does not change with it, and a stream may show the same light: nothing to draw.
+      const changes = before === null || newest === null || !looksTheSame(newest, before);
+      if (changes && isOfStream(view.peek().light)) this.applyLight(view.peek());
     }
     if (!this.paused && this.liveField.lights !== this.fieldLights) {
+      const before = this.fieldLights;
       this.fieldLights = this.liveField.lights;
-      if (view.peek().light === "field") this.applyLight(view.peek());
+      if (view.peek().light === "field" && !lookTheSame(this.fieldLights, before)) this.applyLight(view.peek());
     }
     this.adapt();
     if (this.live.backdrop !== null && !this.paused) {

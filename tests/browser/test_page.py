@@ -52,13 +52,18 @@ def test_measurements_are_numbers(open_page: OpenPage, room: Publisher) -> None:
     page = open_page("#stream=room", size=WIDE)
     wait_for_live(page)
     page.wait_for_function(
-        "['render', 'stream', 'latency'].every(name =>"
+        "['stream', 'latency'].every(name =>"
         " parseFloat(document.querySelector(`[data-testid=hud-${name}]`).textContent) > 0)"
     )
     # What piled up while the page started comes at once: the rate is right when that has passed.
     page.wait_for_function("parseFloat(document.querySelector('[data-testid=hud-stream]').textContent) < 60")
     assert figure(page, "stream") >= 1
     assert 0 < figure(page, "latency") < 5000
+    # Light that stays the same is drawn once, light that changes as it comes.
+    expect(page.get_by_test_id("hud-render")).to_have_text("idle")
+    for step in range(30):
+        room.coefficients = distant_light((step / 15 - 1, -0.3, 0.3))
+        page.wait_for_timeout(40)
     assert figure(page, "render") > 0
     expect(page.get_by_test_id("hud-missed")).to_have_text(re.compile(r"\d+"))
     expect(page.locator(".coefficients rect")).to_have_count(75)
