@@ -374,6 +374,8 @@ export class Viewport {
       this.live.backdrop = null;
     }
     if (this.surroundings.update()) this.dirty = true;
+    // A mirror reflects the picture as soon as there is one.
+    if (this.light.behind !== this.surroundings.source) this.applyLight(view.peek());
     if (this.controls.update()) {
       this.dirty = true;
     } else if (this.moved && !this.dragging) {
