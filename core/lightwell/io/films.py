@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterable
 from fractions import Fraction
@@ -18,6 +19,7 @@ from lightwell.errors import RenderError
 CODEC = "libx264"
 QUALITY = "16"
 """Constant rate factor: hardly to be told from the pictures."""
+FULL = (errno.ENOSPC, errno.EDQUOT)
 BT709, SRGB, LIMITED = 1, 13, 1
 """Numbers of ITU-T H.273: what players would guess differs."""
 
@@ -32,12 +34,16 @@ def write_film(path: Path, pictures: Iterable[NDArray[np.uint8]], fps: float) ->
     ------
     RenderError
         Where it cannot be written.
+    OSError
+        Where the disk is full.
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
         _write(temporary, pictures, Fraction(fps).limit_denominator(1001))
         temporary.replace(path)
     except (FFmpegError, OSError, ValueError) as error:
+        if isinstance(error, FFmpegError | OSError) and error.errno in FULL:
+            raise OSError(error.errno, os.strerror(error.errno), str(path)) from None
         raise RenderError(f"{path.name}: the film cannot be written: {error}") from None
     finally:
         temporary.unlink(missing_ok=True)

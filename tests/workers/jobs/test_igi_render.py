@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -273,6 +275,21 @@ def test_what_cannot_be_rendered_is_said(tmp_path: Path, folder: Path) -> None:
         with pytest.raises(ValueError, match=words):
             IgiRenderSettings.model_validate({"scene": "x.toml"} | settings)
     with pytest.raises(LightwellError, match="no pictures"):
+        write_film(tmp_path / "film.mp4", [], 24)
+
+
+def test_a_full_disk_is_said_as_such(tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What writes pictures and films says it in ways of its own; the job then can be tried again."""
+
+    def full(*_: Any) -> None:
+        raise RuntimeError(f'Failed to write pixel data to "a.exr". {os.strerror(errno.ENOSPC)}.')
+
+    monkeypatch.setattr("lightwell.io.igi_renders.write_exr_layers", full)
+    with pytest.raises(OSError, match=r"layers\.exr") as caught:
+        run(tmp_path, folder / "lit.toml")
+    assert caught.value.errno == errno.ENOSPC
+    monkeypatch.setattr("lightwell.io.films._write", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
+    with pytest.raises(OSError, match=r"film\.mp4"):
         write_film(tmp_path / "film.mp4", [], 24)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.errors import RenderError
 from lightwell.igi.rendering import IgiRendering, Tile, assemble
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.files import write_atomically
@@ -83,7 +86,13 @@ def write_frame(cancel: Path, work: str, results: str, frame: int) -> None:
     exr.parent.mkdir(parents=True, exist_ok=True)
     for path in (exr, png):
         stop_if_cancelled(cancel)
-        write_igi_rendering(path, rendering, ev, tone_mapping=plan.tone_mapping, backdrop=plan.backdrop)
+        try:
+            write_igi_rendering(path, rendering, ev, tone_mapping=plan.tone_mapping, backdrop=plan.backdrop)
+        except RenderError as error:
+            full = os.strerror(errno.ENOSPC)  # OpenEXR says it in words only
+            if full not in str(error):
+                raise
+            raise OSError(errno.ENOSPC, full, str(path)) from error
     counted = Counted(
         rendering.arrived,
         rendering.clamped,
