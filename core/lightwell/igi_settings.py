@@ -70,3 +70,7 @@ class IgiSettings(Settings):
     layers: tuple[IgiLayer, ...] = Field(
         ("normal", "depth", "albedo", "direct", "indirect", "set"), description="what is kept besides the colour"
     )
+
+    def samples(self, wanted: int) -> int:
+        """Return N where a pixel is to be the mean of N² rays: only incident radiance can be shared by several."""
+        return wanted if self.filter == "sh" else 1

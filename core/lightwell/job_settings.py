@@ -19,6 +19,7 @@ from lightwell.scene_settings import (
     LINE_SUFFIXES,
     MAX_EV,
     MAX_PIXELS,
+    MAX_SAMPLES,
     MAX_SIDE,
     MOST_GROUPS,
     Name,
@@ -226,6 +227,11 @@ class IgiLightSettings(Settings):
         min_length=1,
         description="name of a stream: its newest frame when the job is submitted; in lines of several: which of them",
     )
+    field: str | None = Field(
+        None,
+        min_length=1,
+        description="name of a field of streams: what arrives now in the middle of the scene, taken for distant",
+    )
     grid: Annotated[tuple[Name, ...] | None, BeforeValidator(one_or_more)] = Field(
         None,
         min_length=1,
@@ -246,20 +252,21 @@ class IgiLightSettings(Settings):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        named = [name for name in ("map", "frames", "stream") if getattr(self, name) is not None]
+        named = [name for name in ("map", "frames", "stream", "field") if getattr(self, name) is not None]
         if named == ["frames", "stream"] and Path(str(self.frames)).suffix.lower() in LINE_SUFFIXES:
             named.remove("stream")  # which of those that were recorded
         if len(named) > 1:
             raise PydanticCustomError(
-                "light", "give map, frames or stream, not {named}", {"named": " and ".join(named)}
+                "light", "give map, frames, stream or field, not {named}", {"named": " and ".join(named)}
             )
         if self.coefficients is not None and math.isqrt(len(self.coefficients)) ** 2 != len(self.coefficients):
             words = "coefficients must be bands² rows (1, 4, 9, 16, 25, …), not {found}"
             raise PydanticCustomError("light", words, {"found": len(self.coefficients)})
         if self.frame is not None and self.frames is None:
             raise PydanticCustomError("light", "frame is one of those that frames names: give frames")
-        if self.frames is not None and self.grid is not None:
-            raise PydanticCustomError("light", "a grid follows a map or a stream, not frames: leave one out")
+        if self.grid is not None and (self.frames is not None or self.field is not None):
+            words = "a grid follows a map or a stream, not frames or a field: leave one out"
+            raise PydanticCustomError("light", words)
         return self
 
 
@@ -327,6 +334,9 @@ class IgiRenderSettings(Settings):
         None, ge=1, le=MAX_SIDE, description="pixels; default: as the scene's file says, else 640"
     )
     height: int | None = Field(None, ge=1, le=MAX_SIDE, description="pixels; default: as the file says, else 480")
+    samples: int | None = Field(
+        None, ge=1, le=MAX_SAMPLES, description="N: a pixel is the mean of N² rays; default: as the file says, else 3"
+    )
     light: IgiLightSettings = IgiLightSettings()
     camera: IgiCameraSettings = IgiCameraSettings()
     frames: int | None = Field(

@@ -66,7 +66,7 @@ class IgiRenderer:
             if samples == 1:
                 lit = self._lit(inner, self._receive(coefficients, inner))
             else:
-                lit, more = self._by_subpixels(camera, size, tile, samples, last)
+                lit, more = self._by_subpixels(camera, size, tile, samples, last, check)
                 arrived, clamped, rays = arrived + more.arrived, clamped + more.clamped, rays + more.rays
         else:
             last = self._filter(np.stack(self._receive(raw, wide), axis=2), wide)
@@ -104,7 +104,13 @@ class IgiRenderer:
         return found
 
     def _by_subpixels(
-        self, camera: Camera, size: tuple[int, int], tile: Tile, samples: int, centres: _LastPass
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        tile: Tile,
+        samples: int,
+        centres: _LastPass,
+        check: Callable[[], None] | None,
     ) -> tuple[_Lit, _Sums]:
         """Return the means over N × N rays a pixel, and what was gathered for rays on no pixel's surface."""
         height, width = tile.bottom - tile.top, tile.right - tile.left
@@ -112,6 +118,8 @@ class IgiRenderer:
         parts: list[_Lit] = []
         sums = _Sums(0.0, 0.0, 0)
         for first, last in strips(height, width, samples):
+            if check is not None:
+                check()
             rows = (tile.top + first) * samples, (tile.top + last) * samples
             columns = tile.left * samples, tile.right * samples
             fine = look(self.surfaces, camera, (size[0] * samples, size[1] * samples), rows, columns)
@@ -122,9 +130,8 @@ class IgiRenderer:
             if not found.all():
                 alone = np.zeros(fine.seen.size, np.bool_)
                 alone[elsewhere[~found]] = True
-                gathered = self._gatherer.gather(
-                    fine.place, fine.geometric, alone.reshape(fine.seen.shape), (columns[0], rows[0]), self._groups
-                )
+                corner, chosen = (columns[0], rows[0]), alone.reshape(fine.seen.shape)
+                gathered = self._gatherer.gather(fine.place, fine.geometric, chosen, corner, self._groups, check)
                 means[~found] = gathered.coefficients.reshape(fine.seen.size, -1)[elsewhere[~found]]
                 sums = _Sums(
                     sums.arrived + gathered.arrived, sums.clamped + gathered.clamped, sums.rays + gathered.rays

@@ -49,7 +49,7 @@ class LoadedIgiScene:
     @property
     def samples(self) -> int:
         """N: a pixel is the mean of N² rays."""
-        return self.picture.samples if self.settings.filter == "sh" else 1
+        return self.settings.samples(self.picture.samples)
 
 
 def load_igi_scene(
@@ -160,10 +160,15 @@ def _light(
             return sky_of_harmonics(light.coefficients), None
         case _:
             # Probes with places: what arrives in the middle of the objects is taken for distant.
-            bounds = np.array([item.mesh.bounds for item in objects] or np.zeros((1, 2, 3)), np.float64)
-            middle = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
-            found = light.at(middle[None])
+            found = light.at(np.array([middle_of(objects)]))
             return sky_of_harmonics(found if found.ndim == 2 else found[0]), None
+
+
+def middle_of(objects: Sequence[IgiObject]) -> tuple[float, float, float]:
+    """Return the middle of the box round the objects, metres; the origin where there are none."""
+    bounds = np.array([item.mesh.bounds for item in objects] or np.zeros((1, 2, 3)), np.float64)
+    x, y, z = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
+    return float(x), float(y), float(z)
 
 
 def _is_dark(scene: IgiScene) -> bool:

@@ -95,7 +95,7 @@ def test_a_picture_is_that_of_the_command(tmp_path: Path, folder: Path) -> None:
     ]
     loaded = load_igi_scene(read_scene_settings(folder / "lit.toml"), folder)
     settings = loaded.settings.model_copy(update={"seed": 3})
-    whole = render_igi(loaded.scene, loaded.camera, (45, 30), settings)
+    whole = render_igi(loaded.scene, loaded.camera, (45, 30), settings, samples=loaded.samples)
     for name in ("layers.exr", "picture.png"):
         write_igi_rendering(tmp_path / name, whole, meter_rendering(whole), backdrop=loaded.has_backdrop)
         assert (tmp_path / name).read_bytes() == (results / name).read_bytes()

@@ -20,7 +20,9 @@ MEGABYTE = 1 << 20
 LIGHT_SECONDS = 0.12e-6
 """Core time of one virtual light at one pixel: its shadow ray, and what it adds."""
 PIXEL_SECONDS = 2.5e-6
-"""Core time of a pixel: what is seen, the filter, the shading, and the files."""
+"""Core time of a pixel: what is seen, two passes of the filter, the shading, and the files."""
+RAY_SECONDS = 1.5e-6
+"""Core time of one of several rays of a pixel."""
 LIGHTS_SECONDS = 4e-6
 """Core time to make a virtual light."""
 LEAST_SECONDS = 0.2
@@ -60,6 +62,8 @@ class Plan(msgspec.Struct):
     together: int
     """Tiles in one checkpoint."""
     shots: list[Shot]
+    samples: int
+    """N: a pixel is the mean of N² rays."""
     igi: str
     """`IgiSettings` as JSON: of the scene's file and the job together."""
     light: str
@@ -107,38 +111,40 @@ def known_exposure(plan: Plan, work: Path) -> float | None:
 
 
 def pixel_seconds(igi: IgiSettings, lamps: int) -> float:
-    """Return the core time of a pixel."""
+    """Return the core time of a pixel of one ray."""
     n, m = igi.sets
     return PIXEL_SECONDS * (1 if igi.filter == "none" else igi.window**2) + LIGHT_SECONDS * (igi.vpls / (n * m) + lamps)
 
 
-def tile_seconds(igi: IgiSettings, lamps: int, side: int) -> float:
+def tile_seconds(igi: IgiSettings, lamps: int, samples: int, side: int) -> float:
     """Return the core time of a tile, with the pixels that its filter needs around it."""
     left, right, up, down = margins(igi)
-    return (side + left + right) * (side + up + down) * pixel_seconds(igi, lamps)
+    rays = samples**2 if samples > 1 else 0
+    return (side + left + right) * (side + up + down) * pixel_seconds(igi, lamps) + side**2 * rays * RAY_SECONDS
 
 
-def tile_side(igi: IgiSettings, lamps: int) -> int:
+def tile_side(igi: IgiSettings, lamps: int, samples: int) -> int:
     """Return how large tiles are: the results do not depend on it."""
     side = TILE
-    while side > LEAST_TILE and tile_seconds(igi, lamps, side) > TILE_SECONDS:
+    while side > LEAST_TILE and tile_seconds(igi, lamps, samples, side) > TILE_SECONDS:
         side //= 2
     return side
 
 
 def channels_of(igi: IgiSettings) -> int:
-    """Return how many channels a picture has."""
+    """Return how many channels a tile has; a picture has two less."""
     coefficients = 3 * igi.bands**2 if "coefficients" in igi.layers else 0
-    return 5 + coefficients + sum(LAYER_CHANNELS.get(layer, 0) for layer in igi.layers)
+    return 7 + coefficients + sum(LAYER_CHANNELS.get(layer, 0) for layer in igi.layers)
 
 
 def estimate(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -> Estimate:
     """Return what a job needs; raises `LightwellError` where its scene or its frames cannot be used."""
     scene, size = scene_of(settings), size_of(settings, roots)
     igi, width, height = scene.igi, scene.picture.width, scene.picture.height
+    samples = igi.samples(scene.picture.samples)
     frames = frame_count(settings)
     texels = size.texels + light_size(settings).texels
-    side = tile_side(igi, size.lamps)
+    side = tile_side(igi, size.lamps, samples)
     tiles = -(-width // side) * -(-height // side)
     # Tiles at the edges may be smaller, and all have margins.
     share = min(1.0, width * height / (tiles * side * side))
@@ -146,10 +152,10 @@ def estimate(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -
     pixels, channels = width * height, channels_of(igi)
     reach = sum(margins(igi)[:2])
     tile_bytes = (side + reach) ** 2 * (24 * 3 * igi.bands**2 + 400)
-    group = max(1.0, settings.checkpoint_seconds / max(1e-6, tiles * tile_seconds(igi, size.lamps, side)))
+    group = max(1.0, settings.checkpoint_seconds / max(1e-6, tiles * tile_seconds(igi, size.lamps, samples, side)))
     return Estimate(
         seconds=LEAST_SECONDS
-        + frames * tiles * share * tile_seconds(igi, size.lamps, side)
+        + frames * tiles * share * tile_seconds(igi, size.lamps, samples, side)
         + lights * LIGHTS_SECONDS * igi.vpls,
         memory_bytes=round(
             PROCESS_BYTES

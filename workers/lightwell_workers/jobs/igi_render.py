@@ -72,16 +72,20 @@ class IgiRender:
             except RenderError as error:
                 raise JobError(f"{error}" if count == 1 else f"picture {frame}: {error}") from None
         igi, lamps = loaded.settings, len(loaded.scene.lamps)
-        side = tile_side(igi, lamps)
+        side = tile_side(igi, lamps, loaded.samples)
         plan = Plan(
             loaded.picture.width,
             loaded.picture.height,
             side,
-            max(1, round(context.processes * settings.checkpoint_seconds / tile_seconds(igi, lamps, side))),
+            max(
+                1,
+                round(context.processes * settings.checkpoint_seconds / tile_seconds(igi, lamps, loaded.samples, side)),
+            ),
             [
                 Shot(camera.position, camera.target, camera.up, camera.fov_degrees, light)
                 for camera, light in zip(cameras, lights, strict=True)
             ],
+            loaded.samples,
             igi.model_dump_json(),
             settings.light.model_dump_json(include={"mapping", "gain", "video"}),
             loaded.has_backdrop,

@@ -14,7 +14,7 @@ from lightwell.field.adaptive import AnyGrid
 from lightwell.igi.sky import Sky
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.grids import open_grid
-from lightwell.io.igi_scenes import LoadedIgiScene, load_igi_scene
+from lightwell.io.igi_scenes import LoadedIgiScene, load_igi_scene, middle_of
 from lightwell.io.meshes import MESH_SUFFIXES
 from lightwell.io.scenes import Probe, read_scene_settings, scene_settings
 from lightwell.job_settings import MAX_FRAMES, IgiCameraSettings, IgiLightSettings, IgiRenderSettings
@@ -35,6 +35,8 @@ class SceneSize(NamedTuple):
     triangles: int
     lamps: int
     texels: int
+    middle: tuple[float, float, float]
+    """Of the box round the objects, metres."""
 
 
 class Snapshot:
@@ -49,7 +51,7 @@ class Snapshot:
         """Return what the stream showed, ``(bands², 3)``."""
         if self._light.coefficients is None:
             raise JobError(
-                f"light.stream: what {name!r} shows is asked for when a server takes the job: submit it to one, or give"
+                f"light: what {name!r} shows is asked for when a server takes the job: submit it to one, or give"
                 " light.coefficients"
             )
         return np.array(self._light.coefficients, np.float64)
@@ -60,12 +62,13 @@ class Snapshot:
         return self._light.probe_at
 
     def probe(self, name: str) -> Probe:
-        """Return what the stream showed, without gradients."""
-        return Probe(name, self.stream(name), None, self.position(name))
+        """Return what arrived from the stream in the middle of the scene: it changes no further."""
+        coefficients = self.stream(name)
+        return Probe(name, coefficients, np.zeros((*coefficients.shape, 3)), self.position(name))
 
     def field(self, name: str) -> list[Probe]:
-        """Raise `JobError`."""
-        raise JobError(f"light.field: a job takes no field of streams ({name!r}): name one stream, or a grid")
+        """Return what arrived among the streams in the middle of the scene."""
+        return [Probe(name, self.stream(name), None, (0.0, 0.0, 0.0))]
 
     def grid(self, grid: str) -> AnyGrid:
         """Return a grid of another job."""
@@ -108,7 +111,7 @@ def scene_of(settings: IgiRenderSettings) -> SceneSettings:
     picture = found.picture.model_copy(
         update={
             name: getattr(settings, name)
-            for name in ("width", "height", "ev", "tone_mapping")
+            for name in ("width", "height", "samples", "ev", "tone_mapping")
             if getattr(settings, name) is not None
         }
     )
@@ -157,7 +160,10 @@ def _size(scene: str, version: tuple[int, int], camera: str, roots: tuple[Path, 
     used = (texture.pixels for item in loaded.objects for texture in item.material.textures)
     textures = {id(pixels): pixels.size for pixels in used}
     return SceneSize(
-        sum(len(item.mesh.triangles) for item in loaded.objects), len(loaded.lamps), sum(textures.values())
+        sum(len(item.mesh.triangles) for item in loaded.objects),
+        len(loaded.lamps),
+        sum(textures.values()),
+        middle_of(loaded.objects),
     )
 
 
@@ -203,7 +209,7 @@ def _light(settings: IgiRenderSettings, before: SceneLightSettings | None) -> Sc
     light = settings.light
     if light.frames is not None:
         return None  # each picture has its own
-    if light.map is None and light.stream is None and light.grid is None:
+    if light.map is None and light.stream is None and light.field is None and light.grid is None:
         if before is None or light.gain == 1:
             return before
         return before.model_copy(update={"gain": before.gain * light.gain})
@@ -212,6 +218,7 @@ def _light(settings: IgiRenderSettings, before: SceneLightSettings | None) -> Sc
         file=None if light.map is None else Path(light.map),
         mapping=light.mapping,
         stream=light.stream,
+        field=light.field,
         grid=light.grid,
         gain=light.gain,
         probe_at=light.probe_at if follows else None,

@@ -82,7 +82,7 @@ def render_tile(cancel: Path, work: str, frame: int, tile: int) -> float:
     renderer = _renderer(work, stamp, shot.light)
     stop = partial(stop_if_cancelled, cancel)
     stop()
-    rendering = renderer.tile(shot.camera, plan.size, plan.tiles[tile], stop)
+    rendering = renderer.tile(shot.camera, plan.size, plan.tiles[tile], stop, plan.samples)
     save_tile(tile_path(Path(work), frame, tile), rendering)
     return float(rendering.colour.sum(dtype=np.float64))
 
