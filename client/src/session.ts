@@ -112,7 +112,7 @@ function followGrid(viewport: Viewport): void {
     viewport.showGrids(ids).catch(() => undefined);
   });
   effect(() => {
-    viewport.probeStands = probeStands();
+    viewport.standProbe(probeStands());
   });
 }
 

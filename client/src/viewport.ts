@@ -92,7 +92,7 @@ export class Viewport {
   private meteredMs = 0;
   paused = false;
   /** Where the stream's settings say that its probe stands, world metres; `null`: they do not. */
-  probeStands: Triple | null = null;
+  private probeStands: Triple | null = null;
   /** The light on the objects: the newest, unless paused or held. */
   shown: Light | null = null;
   /** The object beside the probes that light it; `null` where light comes from afar or from a grid. */
@@ -223,6 +223,13 @@ export class Viewport {
     this.held = null;
     this.surroundings.clear();
     this.dirty = true;
+  }
+
+  /** Say where the stream's settings have its probe, world metres; `null`: nowhere. */
+  standProbe(place: Triple | null): void {
+    if (String(place) === String(this.probeStands)) return;
+    this.probeStands = place;
+    this.applyLight(view.peek());
   }
 
   /** Hold this light, one of the last seconds, and the picture of its time; `null`: follow the newest again. */
