@@ -7,6 +7,8 @@ number of bounces, and none is lost on weak ones.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,23 +17,36 @@ from lightwell.igi.sources import RAY_NUMBERS, Floats, Rays, cosine_directions
 from lightwell.igi.surfaces import Surfaces
 
 DIRECT_LIGHTS = 0.5
-"""Direct lights for each path that starts: lamps are small, and what is left of the error is in the bounces."""
+"""Direct lights for each path that lands: lamps are small, and what is left of the error is in the bounces."""
+MOST_PATHS = 1 << 17
+"""Where paths miss everything, no more are sent than so many."""
 
 
-def path_counts(total: int, reflectivity: float, bounces: int, direct: bool, sets: int = 1) -> tuple[int, list[int]]:
+def path_counts(
+    total: int, reflectivity: float, landing: Sequence[float], direct: bool, sets: int = 1
+) -> tuple[int, list[int]]:
     """Return how many of ``total`` lights are direct, and how many paths reach each bounce.
 
-    ``direct``: whether there are sources whose direct light is by samples (`DIRECT_LIGHTS` for each path that starts);
-    else all are for bounces. Counts go by whole ``sets`` where they can (`in_sets`).
+    Parameters
+    ----------
+    reflectivity
+        ρ̄.
+    landing
+        What share of the paths that reach each bounce leaves a light there: 1 in a closed room; in the open most paths
+        miss everything, and as many more are sent.
+    direct
+        Whether there are sources whose direct light is by samples, `DIRECT_LIGHTS` for each path that lands.
+    sets
+        Counts go by whole sets where they can (`in_sets`).
     """
-    series = [reflectivity**k for k in range(1, bounces + 1)]
-    share = sum(series) + (DIRECT_LIGHTS if direct else 0)
-    if share == 0:
-        return 0, []
-    paths = total / share
-    counts = [int(factor * paths) for factor in series]
-    reaching = [in_sets(count, sets) for count in counts if count > 0]
-    return (total - sum(reaching) if direct else 0), reaching
+    series = [reflectivity**k for k in range(1, len(landing) + 1)]
+    bounced = sum(factor * share for factor, share in zip(series, landing, strict=True))
+    if bounced == 0:
+        return (in_sets(total, sets) if direct else 0), []
+    paths = min(total / (bounced + (DIRECT_LIGHTS * landing[0] if direct else 0)), max(MOST_PATHS, total))
+    reaching = [in_sets(int(factor * paths), sets) for factor in series if int(factor * paths) > 0]
+    left = total - sum(count * share for count, share in zip(reaching, landing, strict=False))
+    return (in_sets(round(left), sets) if direct else 0), reaching
 
 
 def in_sets(count: int, sets: int) -> int:

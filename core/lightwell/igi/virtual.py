@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lightwell.igi.bounce import in_sets, path_counts, trace
+from lightwell.igi.bounce import path_counts, trace
 from lightwell.igi.boundary import Boundary
 from lightwell.igi.emit import EmissiveSurfaces, Lamp
 from lightwell.igi.lights import LightSets, VirtualLights, arrange, join, take
@@ -17,8 +17,10 @@ from lightwell.igi_settings import IgiSettings
 
 EVEN = 0.5
 """Share of the samples that all sources get alike; the rest goes by their power."""
-MOST_MORE, MOST_PATHS = 32.0, 1 << 17
-"""Where paths are lost, no more than so many times as many are sent, and so many at all."""
+TRIED_PATHS = 4096
+"""So many paths are tried to see how many are lost; what they cost is nothing beside what lights cost at all pixels."""
+PATH_SEED, TRIAL_SEED = 1 << 31, 2 << 31
+"""Paths have other random numbers than direct lights of the same seed, and those that are but tried have others."""
 MOST_REFLECTIVE = 0.95
 """Mean reflectivity counts as no more: paths have to end."""
 
@@ -31,40 +33,34 @@ def make_virtual_lights(scene: IgiScene, surfaces: Surfaces, settings: IgiSettin
     reflectivity = min(surfaces.mean_reflectivity(), MOST_REFLECTIVE)
     bounces = settings.bounces if sources and len(surfaces.areas) else 0
     sets = settings.sets[0] * settings.sets[1]
-    direct, reaching = path_counts(settings.vpls, reflectivity, bounces, bool(sampled), sets)
+    landing = _landing(sources, surfaces, reflectivity, bounces, settings.seed)
+    direct, reaching = path_counts(settings.vpls, reflectivity, landing, bool(sampled), sets)
     lists: list[VirtualLights] = []
-    if reaching:
-        lists = _bounced(sources, surfaces, reaching, settings)
     if direct:
-        # What the paths leave of the lights; some are for the sources in any case.
-        left = settings.vpls - sum(lights.count for lights in lists)
-        numbers = halton(in_sets(max(left, -(-direct // 2)), sets), POSITION_NUMBERS, settings.seed)
-        lists = [_direct(sampled, numbers, settings.clamp), *lists]
+        lists.append(_direct(sampled, halton(direct, POSITION_NUMBERS, settings.seed), settings.clamp))
+    if reaching:
+        lists += _traced(sources, surfaces, reaching, settings.seed + PATH_SEED, settings.clamp)
     return arrange(lists, join([lamp.light for lamp in lamps]), settings.sets, settings.seed)
 
 
-def _bounced(
-    sources: list[Source], surfaces: Surfaces, reaching: list[int], settings: IgiSettings
-) -> list[VirtualLights]:
-    """Return lights after bounces, in all about as many as are to be ``reaching`` them.
+def _landing(sources: list[Source], surfaces: Surfaces, reflectivity: float, bounces: int, seed: int) -> list[float]:
+    """Return what share of the paths that reach each bounce leaves a light there.
 
-    In the open most paths miss everything. They cost next to nothing beside what a light costs at all pixels, so that
-    as many more are sent as it takes.
+    It is found by other paths than those that are used: were they among them, more would be sent just where they have
+    missed by chance, and the others would count for too much.
     """
-    found = _traced(sources, surfaces, reaching, settings)
-    wanted, landed = sum(reaching), sum(lights.count for lights in found)
-    more = min(wanted / max(landed, 1), MOST_MORE, max(MOST_PATHS / reaching[0], 1.0))
-    if not landed or more == 1:
-        return found
-    sets = settings.sets[0] * settings.sets[1]
-    return _traced(sources, surfaces, [in_sets(int(count * more), sets) for count in reaching], settings)
+    tried = [count for k in range(1, bounces + 1) if (count := int(reflectivity**k * TRIED_PATHS)) > 0]
+    if not tried:
+        return []
+    found = _traced(sources, surfaces, tried, seed + TRIAL_SEED, 0.0)
+    return [lights.count / count for lights, count in zip(found, tried, strict=True)]
 
 
 def _traced(
-    sources: list[Source], surfaces: Surfaces, reaching: list[int], settings: IgiSettings
+    sources: list[Source], surfaces: Surfaces, reaching: list[int], seed: int, clamp: float
 ) -> list[VirtualLights]:
-    numbers = halton(reaching[0], RAY_NUMBERS + 2 * (len(reaching) - 1), settings.seed)
-    return trace(surfaces, _rays(sources, numbers[:, :RAY_NUMBERS]), numbers, reaching, settings.clamp)
+    numbers = halton(reaching[0], RAY_NUMBERS + 2 * (len(reaching) - 1), seed)
+    return trace(surfaces, _rays(sources, numbers[:, :RAY_NUMBERS]), numbers, reaching, clamp)
 
 
 def _sampled(scene: IgiScene, surfaces: Surfaces) -> list[Source]:

@@ -46,7 +46,7 @@ def picture(scene: IgiScene, settings: IgiSettings) -> tuple[NDArray[np.float64]
     return blocks.mean(axis=(1, 3)), np.asarray(covered.min(axis=(1, 3)) == 1)
 
 
-@pytest.mark.parametrize(("name", "most"), [("venice", 0.05), ("esplanade", 0.065)])
+@pytest.mark.parametrize(("name", "most"), [("venice", 0.035), ("esplanade", 0.045)])
 def test_under_a_real_map(name: str, most: float, tmp_path: Path) -> None:
     """A soft sky, and one with a sun."""
     scene = in_the_open(name)
@@ -67,6 +67,6 @@ def test_lights_that_miss_are_made_up_for() -> None:
     for count, sets in ((1000, (1, 1)), (1024, (4, 4)), (16, (2, 2)), (1, (4, 4))):
         made = make_virtual_lights(scene, Surfaces(scene), IgiSettings(vpls=count, sets=sets)).lights
         number = sets[0] * sets[1]
-        assert count - number < made.count <= 1.1 * count + 1
+        assert abs(made.count - count) < max(number, 0.05 * count) + 1
         assert made.direct.sum() >= count // 10
         assert made.flux.max(axis=1).min() > 0

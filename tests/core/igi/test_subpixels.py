@@ -93,7 +93,7 @@ def test_means_and_strips() -> None:
 def test_an_edge_covers_its_share_of_each_pixel() -> None:
     """A square of 1 × 1 m seen from above: it ends in the middle of pixels."""
     scene = IgiScene((IgiObject(placed(plane(1), 0.5, (0, 0, 0)), matte(0.8, 0.8, 0.8)),), sky=GREY)
-    picture = render_igi(scene, ABOVE, (15, 15), IgiSettings(vpls=256, sets=(2, 2)), samples=4)
+    picture = render_igi(scene, ABOVE, (15, 15), IgiSettings(vpls=256, sets=(2, 2), bounces=0), samples=4)
     across = picture.coverage[7]
     half = 0.5 / (2 * 3 * np.tan(np.radians(18)) / 15)
     inside = np.clip(half + 7.5 - np.arange(15), 0, 1) * np.clip(half - 7.5 + np.arange(1, 16), 0, 1)
