@@ -220,10 +220,10 @@ def _look(stream: str, channel: Channel | None, used: list[Member]) -> Member:
     return Member(told, channel, None if problem else frame, place)
 
 
-def sample_set(members: list[Member], bands: int | None) -> SampleSet:
+def sample_set(members: list[Member], bands: int | None, *, gradients: bool = True) -> SampleSet:
     """Return the light of the members that give any, with as many bands as all of them have and ``bands`` at most.
 
-    Gradients are used of those that have them.
+    Gradients are used of those that have them, unless they are not wanted.
 
     Raises
     ------
@@ -234,9 +234,12 @@ def sample_set(members: list[Member], bands: int | None) -> SampleSet:
     if not frames:
         raise ValueError("no stream of the field gives light now")
     count = coefficient_count(min([frame.bands for frame in frames] + ([bands] if bands else [])))
-    gradients = [None if frame.gradients is None else unpack_gradients(frame.gradients)[:count] for frame in frames]
+    changes = [
+        unpack_gradients(frame.gradients)[:count] if gradients and frame.gradients is not None else None
+        for frame in frames
+    ]
     return SampleSet(
         np.array([member.position for member in members if member.frame is not None], dtype=np.float64),
         np.stack([unpack_coefficients(frame.coefficients)[:count] for frame in frames]),
-        gradients,
+        changes,
     )

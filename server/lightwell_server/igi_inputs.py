@@ -5,10 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from lightwell.gradients.interpolate import SampleSet
 from lightwell.io.uploads import UPLOAD_ID, UploadKind
 from lightwell.job_settings import IgiLightSettings, IgiRenderSettings
-from lightwell.wire import unpack_coefficients
+from lightwell.scene_settings import SceneLightSettings
+from lightwell.settings import Vector3
+from lightwell.wire import Frame, unpack_coefficients, unpack_gradients
 from lightwell_server.artifacts import ArtifactNotFoundError, find_artifact
+from lightwell_server.fields import sample_set
+from lightwell_server.hub import Channel
 from lightwell_server.services import Services
 from lightwell_server.variants import STRIPPED, make_variant
 from lightwell_workers.jobs.job import Job
@@ -26,7 +34,7 @@ def igi_input(parts: Services, settings: IgiRenderSettings, earlier: Job | None)
     LightwellError, Problem
         Where there is no such thing, or it may not be used.
     """
-    from lightwell_workers.jobs.igi_scene import scene_of  # with the renderer: .3 s that only such a job pays
+    from lightwell_workers.jobs.igi_scene import scene_of, size_of  # with the renderer: .3 s that only such a job pays
 
     light = settings.light
     changes: dict[str, Any] = {}
@@ -43,9 +51,14 @@ def igi_input(parts: Services, settings: IgiRenderSettings, earlier: Job | None)
         }
     )
     scene = scene_of(placed)
-    stream = None if light.frames is not None or scene.light is None else scene.light.stream
-    if stream is not None and light.coefficients is None:
-        shown = _snapshot(parts, stream, earlier)
+    source = scene.light
+    if source is not None and source.file is None and light.coefficients is None:
+        if source.field is not None or source.gradients:
+            shown = _before(earlier) or _amid(parts, source, size_of(placed, parts.captures.roots).middle)
+        elif source.stream is not None:
+            shown = _before(earlier) or _snapshot(parts, source.stream)
+        else:
+            shown = {}
         if light.probe_at is not None:
             shown.pop("probe_at", None)
         placed = placed.model_copy(update={"light": placed.light.model_copy(update=shown)})
@@ -77,16 +90,51 @@ def _grid(parts: Services, named: str) -> str:
     return str(folder)
 
 
-def _snapshot(parts: Services, stream: str, earlier: Job | None) -> dict[str, Any]:
-    if earlier is not None:
-        before = IgiLightSettings.model_validate(earlier.settings.get("light", {}))
-        return {"coefficients": before.coefficients, "probe_at": before.probe_at}
-    channel = parts.catalogue.channel(stream)
-    frame = channel.latest
-    if frame is None:
-        raise JobError(f"light.stream: {stream!r} has had no frame yet: start it, or name another")
+def _snapshot(parts: Services, stream: str) -> dict[str, Any]:
+    """Return what a stream shows now, and where its probe stands."""
+    channel, frame = _shown(parts, stream)
     frame = make_variant(frame, STRIPPED)
-    return {
-        "coefficients": tuple(tuple(map(float, row)) for row in unpack_coefficients(frame.coefficients)),
-        "probe_at": frame.position or channel.settings.position_m,
-    }
+    return _light(unpack_coefficients(frame.coefficients)) | {"probe_at": frame.position or channel.settings.position_m}
+
+
+def _amid(parts: Services, source: SceneLightSettings, middle: Vector3) -> dict[str, Any]:
+    """Return what arrives now in the middle of the scene, of a field of streams or beside one probe."""
+    if source.field is not None:
+        members = parts.fields.survey(source.field)
+        try:
+            samples = sample_set(members, None, gradients=source.gradients is not False)
+        except ValueError:
+            reasons = "; ".join(f"{one.told.stream}: {one.told.problem}" for one in members)
+            raise JobError(f"light.field: no stream of {source.field!r} gives light now: {reasons}") from None
+    else:
+        assert source.stream is not None
+        channel, frame = _shown(parts, source.stream)
+        if frame.gradients is None:
+            raise JobError(
+                f"light.gradients: the stream {source.stream!r} has none: give it a proxy in its settings"
+                " ([gradients]), or leave this out"
+            )
+        place = source.probe_at or frame.position or channel.settings.position_m or (0.0, 0.0, 0.0)
+        samples = SampleSet(
+            [place], unpack_coefficients(frame.coefficients)[None], unpack_gradients(frame.gradients)[None]
+        )
+    return _light(samples.at(np.array([middle]))[0])
+
+
+def _shown(parts: Services, stream: str) -> tuple[Channel, Frame]:
+    channel = parts.catalogue.channel(stream)
+    if channel.latest is None:
+        raise JobError(f"light.stream: {stream!r} has had no frame yet: start it, or name another")
+    return channel, channel.latest
+
+
+def _light(coefficients: NDArray[np.floating]) -> dict[str, Any]:
+    return {"coefficients": tuple(tuple(map(float, row)) for row in coefficients)}
+
+
+def _before(earlier: Job | None) -> dict[str, Any]:
+    """Return the light that the job of the same key has; nothing where there is none."""
+    if earlier is None:
+        return {}
+    light = IgiLightSettings.model_validate(earlier.settings.get("light", {}))
+    return {} if light.coefficients is None else {"coefficients": light.coefficients, "probe_at": light.probe_at}

@@ -103,6 +103,37 @@ def test_a_stream_is_taken_as_it_is_when_the_job_is_submitted(api: httpx.Client,
     assert pixels.shape == (16, 24, 3)
 
 
+def test_light_among_probes_is_taken_to_the_middle_of_the_scene(api: httpx.Client, url: str, data: Path) -> None:
+    """Of a field, and of a stream with gradients: what arrives at the ball, which stands at the origin."""
+    slope = np.zeros((9, 3, 3))
+    slope[0, :, 0] = 0.5 * np.sqrt(4 * np.pi)
+    (data / "scenes" / "slope.toml").write_text(SCENE.replace('"hall"', '"left"\ngradients = true'))
+    with Publisher(url, "left") as left, Publisher(url, "right") as right:
+        left.publish(coefficients=coefficients(2.0), position=(-1.0, 0.0, 0.0), gradients=pack_coefficients(slope))
+        right.publish(coefficients=coefficients(6.0), position=(3.0, 0.0, 0.0))
+        wait_for(lambda: all(api.get(f"/streams/{name}/latest").is_success for name in ("left", "right")), "frames")
+        assert api.post("/fields", json={"name": "stage", "streams": ["left", "right"]}).status_code == 201
+        among = {"scene": "scenes/ball.toml", "light": {"field": "stage", "gain": 0.5}} | {"width": 24, "height": 16}
+        beside = {"scene": "scenes/slope.toml", "width": 24, "height": 16}
+        answers = [submit(api, settings) for settings in (among, beside)]
+    assert [answer.status_code for answer in answers] == [202, 202], [answer.text for answer in answers]
+    shown = [answer.json()["settings"]["light"]["coefficients"][0][0] / np.sqrt(4 * np.pi) for answer in answers]
+    assert shown[1] == pytest.approx(2.5, rel=1e-5)
+    assert 2.0 < shown[0] < 4.0
+    with Lightwell(url, timeout=60.0) as client:
+        for answer, radiance in zip(answers, (0.5 * shown[0], shown[1]), strict=True):
+            job = client.wait(answer.json()["id"])
+            assert job.state == "succeeded", job.error
+            report = next(one.id for one in job.artifacts if one.path == "report.json")
+            # Most of the picture is sky.
+            mean = json.loads(client.artifact(report))["mean"][0][0]
+            assert 0.6 * radiance < mean < 1.1 * radiance
+    gone = submit(api, among | {"light": {"field": "none"}}, dry_run=True)
+    assert (gone.status_code, "none" in gone.json()["detail"]) == (404, True), gone.text
+    dark = submit(api, among, dry_run=True)
+    assert (dark.status_code, "gives light now: left: " in dark.json()["detail"]) == (422, True), dark.text
+
+
 def test_uploads_and_paths_are_checked_before_the_job_is_taken(api: httpx.Client, data: Path) -> None:
     mesh = api.post("/uploads?name=ball.glb", content=encode_glb([sphere(6, 8)])).json()["id"]
     sky = cv2.imencode(".hdr", np.ones((8, 16, 3), np.float32))[1].tobytes()

@@ -6,7 +6,7 @@ import { rowOfCamera } from "../jobs/rows.ts";
 import { kinds } from "../jobs/store.ts";
 import { bytes, duration, kindTitle } from "../jobs/words.ts";
 import { grids, refreshResults, uploads } from "../results.ts";
-import { shownCamera, streams } from "../session.ts";
+import { fields as lightFields, shownCamera, streams } from "../session.ts";
 import { SchemaForm, type Suggestion } from "./SchemaForm.tsx";
 import { Wrong } from "./controls.tsx";
 
@@ -35,6 +35,7 @@ function suggestionsOf(): Record<string, Suggestion[]> {
     scene: sent("mesh"),
     "light.map": sent("map"),
     "light.stream": (streams.value ?? []).map(({ name, state }) => ({ value: name, label: state })),
+    "light.field": (lightFields.value ?? []).map(({ name, streams: members }) => ({ value: name, label: members.join(", ") })),
     "light.grid": (grids.value ?? []).map(({ id, capture }) => ({ value: id, label: capture })),
   };
 }

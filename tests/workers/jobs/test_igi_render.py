@@ -206,7 +206,7 @@ def test_a_stream_is_what_it_showed(tmp_path: Path, folder: Path) -> None:
     light = {"stream": "hall", "coefficients": constant}
     results, _ = run(tmp_path / "a", folder / "unlit.toml", light=light)
     np.testing.assert_allclose(read_picture(results / "layers.exr").pixels[0, 0], 1.0, rtol=1e-3)
-    with pytest.raises(LightwellError, match=r"light\.stream"):
+    with pytest.raises(LightwellError, match="submit it to one"):
         run(tmp_path / "b", folder / "unlit.toml", light={"stream": "hall"})
 
 
