@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -26,10 +27,15 @@ from lightwell.io.igi_scenes import load_igi_scene, meter_rendering
 from lightwell.io.pictures import read_picture
 from lightwell.io.scenes import read_scene_settings
 from lightwell.job_settings import IgiRenderSettings, JobsSettings
+from lightwell_workers.jobs.compute import InlineCompute
+from lightwell_workers.jobs.context import JobContext
 from lightwell_workers.jobs.directory import JobDirectory
-from lightwell_workers.jobs.events import read_events
+from lightwell_workers.jobs.events import EventLog, read_events
 from lightwell_workers.jobs.igi_plan import estimate
+from lightwell_workers.jobs.kinds import load_kind
 from lightwell_workers.jobs.queue import Queue
+from lightwell_workers.jobs.roots import data_roots
+from lightwell_workers.jobs.workflow import Runner
 
 SCENE = """
 method = "igi"
@@ -192,6 +198,31 @@ def test_a_video_is_light_over_time(tmp_path: Path, folder: Path) -> None:
     ):
         with pytest.raises(LightwellError, match=words):
             run(tmp_path / "c", folder / "unlit.toml", light=light | changes)
+
+
+def test_jobs_read_nothing_outside_the_data_roots(tmp_path: Path, folder: Path) -> None:
+    """What a job's scene names when it is prepared counts, whatever it was when it was submitted."""
+    data = tmp_path / "data"
+    (data / "scenes").mkdir(parents=True)
+    (data / "scenes" / "far.toml").write_text(SCENE + f'[[objects]]\nmesh = "{folder}/ball.glb"\n')
+    (data / "scenes" / "near.toml").write_text(SCENE)
+    (data / "captures" / "hall").mkdir(parents=True)
+    (data / "captures" / "hall" / "0.exr").symlink_to(folder / "hall.0000.exr")
+    roots = data_roots(JobsSettings(), data)
+    directory = JobDirectory(data / "jobs", "a-job-of-it")
+    directory.path.mkdir(parents=True)
+    context = JobContext(directory, EventLog(directory.events), InlineCompute(), threading.Event(), roots)
+    context.results.mkdir(parents=True)
+    for scene, light, words in (
+        ("far.toml", {}, r"far\.toml: objects\[2\]: .*ball\.glb: lies outside the folders"),
+        ("near.toml", {"frames": str(data / "captures" / "hall")}, r"light\.frames: 0\.exr: is a link out of"),
+    ):
+        settings = IgiRenderSettings.model_validate({"scene": str(data / "scenes" / scene), "light": light})
+        with pytest.raises(LightwellError, match=words):
+            load_kind("igi-render").prepare(settings, context)
+    runner = Runner(JobsSettings(), data / "jobs")
+    runner.close()
+    assert runner.roots == roots
 
 
 def test_a_damaged_frame_is_named(tmp_path: Path, folder: Path) -> None:

@@ -54,7 +54,8 @@ class Runner:
     def __init__(self, settings: JobsSettings, root: Path) -> None:
         self._settings = settings
         self._root = root
-        self._roots = data_roots(settings, root.parent)
+        self.roots = data_roots(settings, root.parent)
+        """Folders below which inputs of jobs may lie."""
         self._dask = DaskCompute(settings.scheduler, settings.processes)
         self._inline = InlineCompute()
         self._stops: set[threading.Event] = set()
@@ -130,9 +131,9 @@ class Runner:
             return max(index, 0)
         kind = load_kind(name)
         settings = KINDS[name].settings_type.model_validate(document)
-        estimate = kind.estimate(settings, self._roots)
+        estimate = kind.estimate(settings, self.roots)
         compute: Compute = self._inline if estimate.seconds < SMALL_SECONDS else self._dask
-        context = JobContext(directory, events, compute, stop, self._roots)
+        context = JobContext(directory, events, compute, stop, self.roots)
         context.check()
         if index == PREPARE or last_state(directory.events) in ("cancelled", "failed"):
             events.append("state", state="running")
