@@ -81,12 +81,29 @@ def test_virtual_point_lights(scene: Path) -> None:
     np.testing.assert_allclose(pixels[covered].mean(), 0.5, rtol=0.03)  # albedo times radiance
     np.testing.assert_allclose(pixels[0, 0], 1, rtol=1e-4)  # the sky behind
     for arguments, message in {
+        (*few, "--light", "x.exr", "--stream", "hall"): "--light and --stream: give one of them",
+        (*few, "--light", "x.exr"): f"{scene}: light.file: ",
         ("--sets", "2x2"): "--sets, --vpls and --coefficients: add --method igi",
         ("--method", "igi", "--sets", "99x1"): f"{scene}: igi.sets[0] = 99: ",
     }.items():
         refused = lightwell(str(scene), "--out", str(out[0]), *arguments)
         assert refused.returncode == 1
         assert refused.stderr.startswith(f"lightwell: {message}")
+
+
+def test_a_model_without_camera_and_light(scene: Path) -> None:
+    model, out = scene.parent / "model.glb", scene.parent / "x.exr"
+    model.write_bytes(encode_glb([box(albedo=0.7)]))
+    few = "--sets", "2x2", "--vpls", "256", "--size", "24x16", "--out", str(out)
+    dark = lightwell(str(model), *few)
+    assert dark.returncode == 0
+    assert "has no camera: all of it is shown" in dark.stderr
+    assert "there is no light" in dark.stderr
+    assert "--light" in dark.stderr
+    lit = lightwell(str(model), *few, "--light", str(scene.parent / "light.json"))
+    assert (lit.returncode, "there is no light" in lit.stderr) == (0, False)
+    pixels = read_rgb(out).pixels
+    np.testing.assert_allclose(pixels[8, 12], 0.7, rtol=0.1)
 
 
 def test_interrupting_leaves_nothing_behind(scene: Path) -> None:

@@ -50,22 +50,16 @@ class GltfScene:
     remarks: tuple[str, ...]
     """What of the file a picture will not show."""
 
-    def camera(self, name: str | None = None) -> Camera:
-        """Return the camera of a name, or else the first one with a perspective.
+    @property
+    def first_camera(self) -> Camera | None:
+        """The first camera with a perspective."""
+        return next((one.camera for one in self.cameras if one.camera is not None), None)
 
-        Raises
-        ------
-        MeshError
-            Where there is none.
-        """
-        if not self.cameras:
-            raise MeshError(
-                f"{self.name}: has no camera; give [camera] position in a scene file (TOML), or export it with one"
-            )
-        fitting = (one for one in self.cameras if (one.camera is not None if name is None else one.name == name))
-        found = next(fitting, self.cameras[0] if name is None else None)
+    def camera(self, name: str) -> Camera:
+        """Return the camera of a name; raises `MeshError` where there is none, or it has no perspective."""
+        found = next((one for one in self.cameras if one.name == name), None)
         if found is None:
-            names = ", ".join(repr(one.name) for one in self.cameras[:20])
+            names = ", ".join(repr(one.name) for one in self.cameras[:20]) or "none"
             raise MeshError(f"{self.name}: has no camera {name!r}; it has {names}")
         if found.camera is None:
             raise MeshError(f"{self.name}: camera {found.name!r} has no perspective; name another, or give its place")

@@ -21,7 +21,7 @@ from lightwell.igi_settings import IgiSettings
 from lightwell.io.gltf_scene import SCENE_SUFFIXES, GltfScene, load_gltf_scene
 from lightwell.io.meshes import Z_UP, load_meshes
 from lightwell.io.scenes import SceneLoader, Server, placed, placed_camera
-from lightwell.render.camera import Camera
+from lightwell.render.camera import Camera, overview
 from lightwell.render.light import DistantLight, FieldLight, ModulatedLight, StaticField, SummedLight
 from lightwell.scene_settings import PictureSettings, SceneLightSettings, SceneObjectSettings, SceneSettings
 
@@ -107,15 +107,19 @@ def load_igi_scene(
     scene = IgiScene(tuple(objects), () if found is None else found.lamps, sky, field)
     if _is_dark(scene):
         given = "no [light]" if sky is None else "what [light] names is black"
-        remarks.append(f"{where}: there is no light: {given}, no lamp shines and nothing emits; the picture is black")
+        remarks.append(
+            f"{where}: there is no light: {given}, no lamp shines and nothing emits; the picture is black: give"
+            " light.file or light.stream (--light, --stream)"
+        )
     if settings.camera.position is not None:
         camera = placed_camera(settings.camera)
     else:
         assert found is not None
-        try:
-            camera = found.camera(settings.camera.name)
-        except LightwellError as error:
-            raise RenderError(f"{where}: camera: {error}") from None
+        own = _camera_of(found, settings.camera.name, where)
+        size = settings.picture.width, settings.picture.height
+        camera = own or overview([item.mesh.bounds for item in objects], size)
+        if own is None:
+            remarks.append(f"{settings.scene}: has no camera: all of it is shown; [camera] of a scene file places one")
     shown = sky is not None and settings.backdrop.kind != "none"
     return LoadedIgiScene(scene, camera, settings.picture, settings.igi, shown, tuple(remarks))
 
@@ -141,6 +145,15 @@ def _scene_of(loader: SceneLoader, path: Path) -> GltfScene:
         return load_gltf_scene(loader.path(path))
     except LightwellError as error:
         raise RenderError(f"{loader.where}: scene: {error}") from None
+
+
+def _camera_of(scene: GltfScene, name: str | None, where: str) -> Camera | None:
+    if name is None:
+        return scene.first_camera
+    try:
+        return scene.camera(name)
+    except LightwellError as error:
+        raise RenderError(f"{where}: camera: {error}") from None
 
 
 def _light(

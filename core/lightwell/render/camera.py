@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ from lightwell.conventions import world_from_camera
 from lightwell.scene_settings import MAX_PIXELS, MAX_SIDE
 
 Floats = NDArray[np.float64]
+
+OVERVIEW_FROM = (-0.4, -1.0, 0.4)
+OVERVIEW_FOV_DEGREES = 36.0
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,20 @@ class Camera:
         length = np.sqrt(right * right + up * up + 1)
         axes = self.world_from_camera
         return np.stack([(axes[k, 0] * right + axes[k, 1] * up - axes[k, 2]) / length for k in range(3)], axis=-1)
+
+
+def overview(bounds: Sequence[tuple[Floats, Floats]], size: tuple[int, int]) -> Camera:
+    """Return a camera that shows boxes, each of two corners ``(3,)``: from in front (−Y), the left and above.
+
+    ``size``: width and height of the picture in pixels. Without boxes it looks at the unit ball.
+    """
+    corners = np.array(bounds if len(bounds) else [((-1, -1, -1), (1, 1, 1))], np.float64)
+    lower, upper = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
+    middle, radius = (lower + upper) / 2, max(float(np.linalg.norm(upper - lower)) / 2, 1e-3)
+    half = np.radians(OVERVIEW_FOV_DEGREES) / 2
+    narrower = min(half, np.arctan(np.tan(half) * size[0] / size[1]))
+    place = middle + radius / np.sin(narrower) * np.array(OVERVIEW_FROM) / np.linalg.norm(OVERVIEW_FROM)
+    return Camera(tuple(place.tolist()), tuple(middle.tolist()), fov_degrees=OVERVIEW_FOV_DEGREES)
 
 
 def require_size(size: tuple[int, int]) -> None:

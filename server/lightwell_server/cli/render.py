@@ -34,6 +34,10 @@ def render(
     ),
     size: str | None = typer.Option(None, metavar="WxH", help="Pixels, such as 640x480, in place of the scene's own."),
     samples: int | None = typer.Option(None, min=1, max=16, help="N: a pixel is the mean of N² rays."),
+    light: Path | None = typer.Option(
+        None, help="Picture (.exr, .hdr) or JSON of coefficients, in place of the scene's own light."
+    ),
+    stream: str | None = typer.Option(None, help="Stream of the server: its newest frame is the light."),
     sets: str | None = typer.Option(None, metavar="NxM", help="igi: sets of virtual lights, interleaved so."),
     vpls: int | None = typer.Option(None, min=1, help="igi: virtual lights, all sets together."),
     coefficients: bool = typer.Option(False, "--coefficients", help="igi: also write incident radiance to the EXR."),
@@ -45,6 +49,7 @@ def render(
     """Render SCENE: objects lit by a probe, by a stream's last frame or by a grid, with igi also by lamps."""
     from lightwell.io.renders import require_format
     from lightwell.io.scenes import read_scene_settings
+    from lightwell.scene_settings import SceneLightSettings
 
     for path in out:
         require_format(path)
@@ -55,6 +60,11 @@ def render(
         changes["method"] = method.value
     if samples is not None:
         changes["picture"] = {"samples": samples}
+    if light is not None or stream is not None:
+        if light is not None and stream is not None:
+            _refuse("--light and --stream", "give one of them")
+        # No table, so that nothing of the scene's own light is left.
+        changes["light"] = SceneLightSettings(file=None if light is None else light.resolve(), stream=stream)
     settings = read_scene_settings(scene, changes)
     if settings.method == "igi":
         if coefficients:

@@ -219,20 +219,22 @@ def test_cameras_by_name() -> None:
     ]
     file.document["scenes"][0]["nodes"] += [1, 2, 3]
     scene = read(file)
-    for camera in (scene.camera(), scene.camera("door")):
-        assert camera.position == pytest.approx((0, -5, 1))
-        assert camera.target == pytest.approx((0, -4, 1))
-        assert camera.up == pytest.approx((0, 0, 1))
-        assert camera.fov_degrees == pytest.approx(np.degrees(1))
+    camera = scene.camera("door")
+    assert scene.first_camera == camera
+    assert camera.position == pytest.approx((0, -5, 1))
+    assert camera.target == pytest.approx((0, -4, 1))
+    assert camera.up == pytest.approx((0, 0, 1))
+    assert camera.fov_degrees == pytest.approx(np.degrees(1))
     file.document["nodes"][1]["camera"] = 1
-    assert read(file).camera() == scene.camera("side")
+    assert read(file).first_camera == scene.camera("side")
     assert scene.camera("side").target == pytest.approx((-1, 0, 0), abs=1e-6)
     with pytest.raises(MeshError, match=r"t\.glb: camera 'plan' has no perspective; name another"):
         scene.camera("plan")
     with pytest.raises(MeshError, match=r"has no camera 'roof'; it has 'door', 'plan', 'side'"):
         scene.camera("roof")
-    with pytest.raises(MeshError, match=r"t\.glb: has no camera; give \[camera\] position"):
-        read(floor()).camera()
+    assert read(floor()).first_camera is None
+    with pytest.raises(MeshError, match=r"t\.glb: has no camera 'door'; it has none"):
+        read(floor()).camera("door")
 
 
 def test_files_beside_are_read_and_missing_ones_are_named(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from tests.core.io.test_scenes import FakeServer, coefficients, field_grid
 from tests.support.gltf_files import File
 
 from lightwell.errors import LightwellError, RenderError
-from lightwell.geometry.shapes import box
+from lightwell.geometry.shapes import box, plane
 from lightwell.igi import IgiRendering, PointLight, render_igi, sky_of_harmonics
 from lightwell.igi.materials import phong_exponent
 from lightwell.io.exr import read_rgb, write_rgb
@@ -88,6 +88,16 @@ def test_a_gltf_file_is_a_scene_with_its_lamps_and_camera(folder: Path) -> None:
     )
     assert picture.depth is not None
     assert picture.depth[4, 4] == pytest.approx(3)
+
+
+def test_without_a_camera_all_is_shown(folder: Path) -> None:
+    (folder / "plain.glb").write_bytes(encode_glb([plane(1)]))
+    shown = load(folder, scene="plain.glb", camera={})
+    assert "plain.glb: has no camera: all of it is shown; [camera] of a scene file places one" in shown.remarks
+    covered = shoot(shown, (40, 30)).coverage
+    assert covered.mean() > 0.1
+    assert not covered[[0, -1]].any()
+    assert not covered[:, [0, -1]].any()
 
 
 def test_cameras(folder: Path) -> None:
@@ -180,7 +190,8 @@ def test_a_recorded_frame_of_another_mapping(folder: Path) -> None:
 def test_no_light_is_a_black_picture_and_is_said(folder: Path) -> None:
     loaded = load(folder, objects=[{"shape": "sphere"}])
     assert loaded.remarks == (
-        "s.toml: there is no light: no [light], no lamp shines and nothing emits; the picture is black",
+        "s.toml: there is no light: no [light], no lamp shines and nothing emits; the picture is black: give light.file"
+        " or light.stream (--light, --stream)",
     )
     black = {"coefficients": [[0.0, 0.0, 0.0]]}
     (folder / "black.json").write_text(json.dumps(black))
