@@ -96,7 +96,7 @@ class Camera:
         return np.stack([(axes[k, 0] * right + axes[k, 1] * up - axes[k, 2]) / length for k in range(3)], axis=-1)
 
 
-def overview(bounds: Sequence[tuple[Floats, Floats]], size: tuple[int, int]) -> Camera:
+def overview(bounds: Sequence[tuple[NDArray[np.floating], NDArray[np.floating]]], size: tuple[int, int]) -> Camera:
     """Return a camera that shows boxes, each of two corners ``(3,)``: from in front (−Y), the left and above.
 
     ``size``: width and height of the picture in pixels. Without boxes it looks at the unit ball.
