@@ -22,6 +22,8 @@ from lightwell_workers.jobs.igi_light import Shown, read_sky
 from lightwell_workers.jobs.igi_plan import Plan, read_plan
 
 COUNTS = ("arrived", "clamped", "rays")
+COARSE_SETS, COARSE_VPLS = (4, 4), 1024
+"""Of the first picture, which is to be there at once whatever the job asks for."""
 
 
 def plan_path(work: Path) -> Path:
@@ -88,10 +90,10 @@ def render_tile(cancel: Path, work: str, frame: int, tile: int) -> float:
 
 
 def render_coarse(cancel: Path, work: str, out: str) -> None:
-    """Write the first picture with few pixels: what is to be expected, long before it is there."""
+    """Write the first picture with few pixels and lights: what is to be expected, long before it is there."""
     plan, stamp = _plan(work)
     width, height = plan.coarse
-    renderer = _renderer(work, stamp, plan.shots[0].light)
+    renderer = _renderer(work, stamp, plan.shots[0].light, coarse=True)
     rendering = renderer.tile(
         plan.shots[0].camera, (width, height), Tile(0, height, 0, width), partial(stop_if_cancelled, cancel)
     )
@@ -130,11 +132,14 @@ def _opened(work: str, stamp: int) -> tuple[IgiScene, Surfaces]:
 
 
 @lru_cache(maxsize=2)
-def _renderer(work: str, stamp: int, light: Shown | None) -> IgiRenderer:
+def _renderer(work: str, stamp: int, light: Shown | None, coarse: bool = False) -> IgiRenderer:
     """Return the scene with its virtual lights, for all tiles of pictures in that light."""
     plan, _ = _plan(work)
     scene, surfaces = _opened(work, stamp)
     if light is not None:
         sky = read_sky(IgiLightSettings.model_validate_json(plan.light), light, Path(work))
         scene = IgiScene(scene.objects, scene.lamps, sky, scene.field)
-    return IgiRenderer(scene, IgiSettings.model_validate_json(plan.igi), surfaces)
+    igi = IgiSettings.model_validate_json(plan.igi)
+    if coarse:
+        igi = igi.model_copy(update={"sets": COARSE_SETS, "vpls": min(igi.vpls, COARSE_VPLS), "layers": ()})
+    return IgiRenderer(scene, igi, surfaces)
