@@ -49,7 +49,7 @@ def _bodies(queue: Queue, job: str) -> list[tuple[int, int]]:
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_capture(tmp_path_factory.mktemp("captures") / "rig", probes=1200, size=64)
+    return make_capture(tmp_path_factory.mktemp("captures") / "rig", probes=600, size=48)
 
 
 @pytest.fixture(scope="module")
