@@ -346,6 +346,7 @@ def test_kill_resume_and_cancel(tmp_path: Path, folder: Path) -> None:
         "height": 140,
         "frames": 2,
         "camera": {"orbit_degrees": 40},
+        "samples": 1,
         "igi": {"sets": [1, 1], "vpls": 1024},
         "checkpoint_seconds": 0.5,
     }
@@ -373,7 +374,7 @@ def test_kill_resume_and_cancel(tmp_path: Path, folder: Path) -> None:
         started = time.monotonic()
         queue.cancel(other)
         assert wait_for_end(queue, other, 10).state == "cancelled"
-        assert time.monotonic() - started < 2
+        assert time.monotonic() - started < 4
     results, _ = run_inline("igi-render", tmp_path / "whole", **document)
     whole = JobDirectory(tmp_path / "whole", "inline-job")
     whole.publish(results)
