@@ -82,6 +82,7 @@ def test_virtual_point_lights(scene: Path) -> None:
     np.testing.assert_allclose(pixels[0, 0], 1, rtol=1e-4)  # the sky behind
     for arguments, message in {
         (*few, "--light", "x.exr", "--stream", "hall"): "--light and --stream: give one of them",
+        (*few, "--frame", "1"): "--frame: is that of a recording: name it by --light",
         (*few, "--light", "x.exr"): f"{scene}: light.file: ",
         ("--sets", "2x2"): "--sets, --vpls and --coefficients: add --method igi",
         ("--method", "igi", "--sets", "99x1"): f"{scene}: igi.sets[0] = 99: ",
@@ -100,7 +101,7 @@ def test_a_model_without_camera_and_light(scene: Path) -> None:
     assert "has no camera: all of it is shown" in dark.stderr
     assert "there is no light" in dark.stderr
     assert "--light" in dark.stderr
-    lit = lightwell(str(model), *few, "--light", str(scene.parent / "light.json"))
+    lit = lightwell(str(model), *few, "--light", str(scene.parent / "light.json"), "--frame", "-1")
     assert (lit.returncode, "there is no light" in lit.stderr) == (0, False)
     pixels = read_rgb(out).pixels
     np.testing.assert_allclose(pixels[8, 12], 0.7, rtol=0.1)

@@ -35,7 +35,12 @@ def render(
     size: str | None = typer.Option(None, metavar="WxH", help="Pixels, such as 640x480, in place of the scene's own."),
     samples: int | None = typer.Option(None, min=1, max=16, help="N: a pixel is the mean of N² rays."),
     light: Path | None = typer.Option(
-        None, help="Picture (.exr, .hdr) or JSON of coefficients, in place of the scene's own light."
+        None,
+        help="Picture (.exr, .hdr), JSON of coefficients or a recording (a video, lines of watch --json, a folder of"
+        " pictures), in place of the scene's own light.",
+    ),
+    frame: int | None = typer.Option(
+        None, help="Which frame of the recording, from 0, or from the end where negative; lines: the last by default."
     ),
     stream: str | None = typer.Option(None, help="Stream of the server: its newest frame is the light."),
     sets: str | None = typer.Option(None, metavar="NxM", help="igi: sets of virtual lights, interleaved so."),
@@ -60,11 +65,14 @@ def render(
         changes["method"] = method.value
     if samples is not None:
         changes["picture"] = {"samples": samples}
+    if frame is not None and light is None:
+        _refuse("--frame", "is that of a recording: name it by --light")
     if light is not None or stream is not None:
         if light is not None and stream is not None:
             _refuse("--light and --stream", "give one of them")
         # No table, so that nothing of the scene's own light is left.
-        changes["light"] = SceneLightSettings(file=None if light is None else light.resolve(), stream=stream)
+        recorded = None if light is None else light.resolve()
+        changes["light"] = SceneLightSettings(file=recorded, stream=stream, frame=frame)
     settings = read_scene_settings(scene, changes)
     if settings.method == "igi":
         if coefficients:
