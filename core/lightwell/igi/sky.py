@@ -72,9 +72,10 @@ class SkySource:
 
     def rays(self, numbers: Floats, count: float) -> Rays:
         """Return rays through a disc across the direction that covers the scene."""
-        directions, irradiance = self._sample(numbers, count)
+        # The first numbers are the most even ones, and where in a texel is the least of it.
+        directions, irradiance = self._sample(numbers[:, [0, 3, 4]], count)
         first, second = frames(directions)
-        radius, angle = self._radius * np.sqrt(numbers[:, 3:4]), 2 * np.pi * numbers[:, 4:5]
+        radius, angle = self._radius * np.sqrt(numbers[:, 1:2]), 2 * np.pi * numbers[:, 2:3]
         across = radius * np.cos(angle) * first + radius * np.sin(angle) * second
         origins = self._centre + across + 1.01 * self._radius * directions
         return Rays(origins, -directions, irradiance * np.pi * self._radius**2)

@@ -9,7 +9,7 @@ from tests.support.igi_scenes import lamp, matte, panel, placed
 
 from lightwell.geometry.mesh import make_mesh
 from lightwell.geometry.shapes import box, plane, sphere
-from lightwell.igi import DirectionalLight, IgiMaterial, IgiObject, IgiScene, PointLight, Sky, render_igi
+from lightwell.igi import DirectionalLight, IgiMaterial, IgiObject, IgiScene, PointLight, Sky, Texture, render_igi
 from lightwell.igi.surfaces import Surfaces
 from lightwell.igi.virtual import make_virtual_lights
 from lightwell.igi_settings import IgiSettings
@@ -95,6 +95,19 @@ def test_a_room_that_absorbs_nothing_and_one_that_absorbs_all(albedo: float) -> 
     settings = PLAIN.model_copy(update={"vpls": 4096, "bounces": 3, "clamp": 0.0})
     picture = render_igi(scene, Camera((0.1, 0.2, 0), (1, 0, 0), fov_degrees=60), (16, 16), settings)
     assert picture.colour.mean() == pytest.approx(sum(albedo**k for k in range(5)), rel=0.02)
+
+
+def test_a_screen_that_is_dark_but_for_a_spot() -> None:
+    """A lamp's picture counts wherever it is bright; what is dark takes no lights."""
+    pixels = np.zeros((32, 32, 3), np.float32)
+    pixels[20:22, 9:11] = 100
+    flat = panel((1, 1), [0, 0, 2], "screen")
+    uv = (flat.positions[:, :2] + 0.5).astype(np.float32)
+    material = IgiMaterial(base=(0, 0, 0), specular=0, emission=(2, 2, 2), emission_texture=Texture(pixels))
+    scene = IgiScene((ground(), IgiObject(flat, material, (uv,))))
+    made = make_virtual_lights(scene, Surfaces(scene), PLAIN.model_copy(update={"vpls": 1 << 15})).lights
+    assert made.flux.min() > 0
+    assert made.flux[:, 0].sum() == pytest.approx(np.pi * 2 * 100 * 4 / 32**2, rel=0.05)
 
 
 def test_lamps_of_very_unlike_power() -> None:
