@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.core.io.test_scenes import field_grid
 from tests.support.inline_jobs import run_inline
 from tests.support.jobs import digests, executor, wait_for, wait_for_end
 
@@ -22,6 +23,7 @@ from lightwell.errors import LightwellError
 from lightwell.igi import render_igi
 from lightwell.io.exr import write_rgb
 from lightwell.io.films import write_film
+from lightwell.io.grids import write_grid
 from lightwell.io.igi_renders import write_igi_rendering
 from lightwell.io.igi_scenes import load_igi_scene, meter_rendering
 from lightwell.io.pictures import read_picture
@@ -198,6 +200,19 @@ def test_a_video_is_light_over_time(tmp_path: Path, folder: Path) -> None:
     ):
         with pytest.raises(LightwellError, match=words):
             run(tmp_path / "c", folder / "unlit.toml", light=light | changes)
+
+
+def test_grids_add_up_and_follow(tmp_path: Path, folder: Path) -> None:
+    write_grid(folder / "one.zarr", field_grid())
+    grid = str(folder / "one.zarr")
+    _, once = run(tmp_path / "a", folder / "unlit.toml", light={"grid": grid}, width=12, height=8)
+    _, twice = run(tmp_path / "b", folder / "unlit.toml", light={"grid": [grid, grid]}, width=12, height=8)
+    np.testing.assert_allclose(twice["mean"], 2 * np.array(once["mean"]), rtol=1e-4)
+    assert once["mean"][0][0] > 0
+    live = 3 * field_grid().sample(np.zeros((1, 3))).coefficients[0]
+    light = {"grid": [grid, grid], "stream": "hall", "coefficients": live.tolist(), "probe_at": [0, 0, 0]}
+    _, follows = run(tmp_path / "c", folder / "unlit.toml", light=light, width=12, height=8)
+    np.testing.assert_allclose(follows["mean"], 3 * np.array(once["mean"]), rtol=1e-3)
 
 
 def test_jobs_read_nothing_outside_the_data_roots(tmp_path: Path, folder: Path) -> None:
