@@ -109,7 +109,7 @@ def test_a_picture_is_that_of_the_command(tmp_path: Path, folder: Path) -> None:
         assert (tmp_path / name).read_bytes() == (results / name).read_bytes()
     assert (report["igi"]["sets"], report["igi"]["vpls"], report["igi"]["seed"]) == ([2, 2], 32, 3)
     assert (report["width"], report["height"], report["frames"], report["rays"]) == (45, 30, 1, whole.rays)
-    assert report["ev"] == meter_rendering(whole)
+    assert (report["ev"], report["samples"]) == (meter_rendering(whole), loaded.samples)
     work = JobDirectory(tmp_path, "inline-job").work
     assert read_png(work / "preview.png").shape == (30, 45, 3)
     assert not list(work.glob("tile-*"))

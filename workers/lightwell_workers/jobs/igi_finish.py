@@ -154,6 +154,7 @@ def _report(settings: IgiRenderSettings, plan: Plan, context: JobContext) -> dic
         "fps": settings.fps if len(plan.shots) > 1 else None,
         "width": plan.width,
         "height": plan.height,
+        "samples": plan.samples,
         "igi": igi.model_dump(mode="json"),
         "ev": known_exposure(plan, context.work),
         "rays": sum(one.rays for one in counted),
