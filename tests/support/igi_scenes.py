@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from lightwell.geometry.mesh import Mesh, make_mesh
 from lightwell.geometry.shapes import box, plane, sphere
 from lightwell.igi import IgiMaterial, IgiObject, IgiScene
+from lightwell.igi.gbuffer import GBuffer
 from lightwell.render import Camera
 
 ROOM_CAMERA = Camera((1.5, -1.7, 1.7), (-0.3, 0.4, 0.9), fov_degrees=60)
@@ -71,3 +72,11 @@ def panel_room() -> IgiScene:
             IgiObject(panel((0.6, 1.0), [1.0, -0.6, 2.97]), lamp(10.0, 11.0, 14.0)),
         )
     )
+
+
+def pixels(
+    seen: np.ndarray, place: np.ndarray, geometric: np.ndarray, shading: np.ndarray, depth: np.ndarray
+) -> GBuffer:
+    """What the filter asks of pixels."""
+    nothing = np.zeros_like(place)
+    return GBuffer(seen, nothing, place, geometric, shading, nothing, nothing, nothing[..., 0], nothing, depth)

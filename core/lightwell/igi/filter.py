@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lightwell.igi.gbuffer import GBuffer
 from lightwell.igi_settings import IgiSettings
 
 SAME_NORMAL = float(np.cos(np.radians(25)))
@@ -34,6 +35,10 @@ class Reach(NamedTuple):
     right: int
     up: int
     down: int
+
+    def within(self, shape: tuple[int, ...]) -> tuple[slice, slice]:
+        """Return where a rectangle ``(H, W, …)`` is without such margins."""
+        return slice(self.up, shape[0] - self.down), slice(self.left, shape[1] - self.right)
 
 
 def windows(settings: IgiSettings) -> list[Reach]:
@@ -52,74 +57,125 @@ def margins(settings: IgiSettings) -> Reach:
     return Reach(*(sum(reach[side] for reach in found) for side in range(4)))
 
 
-@njit(cache=True, nogil=True)
-def filter_rows(  # type: ignore[no-untyped-def]
-    values, seen, place, geometric, shading, depth, reach, normal_test, plane_test, shading_test, first, last, out
-):
-    """Write the mean over each pixel's window for rows ``first`` … ``last − 1`` of the inner rectangle.
+def filtered(values: NDArray[Any], pixels: GBuffer, reach: Reach, strict: bool = False) -> NDArray[Any]:
+    """Return the means over the windows of pixels, ``(H', W', C)``: the rectangle without its margins.
 
-    ``values`` (H, W, C); ``seen`` (H, W); ``place, geometric, shading`` (H, W, 3); ``depth`` (H, W); ``reach``: left,
-    right, up, down. ``shading_test`` below −1: none. Out: ``out`` (H − up − down, W − left − right, C); zero where
-    nothing is seen.
+    ``values (H, W, C)`` of ``pixels (H, W)``; zero where nothing is seen. ``strict``: see `STRICT_NORMAL`.
     """
-    left, right, up, down = reach
-    width = values.shape[1] - left - right
-    channels = values.shape[2]
-    total = np.empty(channels, values.dtype)
-    for row in range(first, last):
-        for column in range(width):
-            i, j = row + up, column + left
-            out[row, column] = 0
-            if not seen[i, j]:
-                continue
-            nx, ny, nz = geometric[i, j, 0], geometric[i, j, 1], geometric[i, j, 2]
-            px, py, pz = place[i, j, 0], place[i, j, 1], place[i, j, 2]
-            nearest = plane_test * depth[i, j]
-            total[:] = 0
-            count = 0
-            for a in range(i - up, i + down + 1):
-                for b in range(j - left, j + right + 1):
-                    if not seen[a, b]:
-                        continue
-                    g = geometric[a, b]
-                    if nx * g[0] + ny * g[1] + nz * g[2] <= normal_test:
-                        continue
-                    p = place[a, b]
-                    if abs((p[0] - px) * nx + (p[1] - py) * ny + (p[2] - pz) * nz) >= nearest:
-                        continue
-                    if shading_test > -1:
-                        s, o = shading[a, b], shading[i, j]
-                        if s[0] * o[0] + s[1] * o[1] + s[2] * o[2] < shading_test:
-                            continue
-                    count += 1
-                    v = values[a, b]
-                    for c in range(channels):
-                        total[c] += v[c]
-            # The pixel itself may fail its own test by rounding.
-            if count == 0:
-                for c in range(channels):
-                    out[row, column, c] = values[i, j, c]
-            else:
-                for c in range(channels):
-                    out[row, column, c] = total[c] / count
+    inner = reach.within(pixels.seen.shape)
+    out = np.zeros_like(values[inner])
+    rows, columns = np.nonzero(pixels.seen[inner])
+    places = rows + reach.up, columns + reach.left
+    means, found = window_means(values, pixels, places, pixels.part(places), reach, strict)
+    # The pixel itself may fail its own test by rounding.
+    means[~found] = values[places][~found]
+    out[rows, columns] = means
+    return out
 
 
-def filtered(
+def window_means(
     values: NDArray[Any],
-    seen: NDArray[np.bool_],
-    place: NDArray[np.floating],
-    geometric: NDArray[np.floating],
-    shading: NDArray[np.floating],
-    depth: NDArray[np.floating],
+    pixels: GBuffer,
+    places: tuple[NDArray[np.int64], NDArray[np.int64]],
+    points: GBuffer,
     reach: Reach,
     strict: bool = False,
-) -> NDArray[Any]:
-    """Return the means, ``(H', W', C)``: the rectangle without its margins. Arguments as in `filter_rows`."""
-    left, right, up, down = reach
-    shape = (values.shape[0] - up - down, values.shape[1] - left - right, values.shape[2])
-    out = np.empty(shape, values.dtype)
-    limit = STRICT_NORMAL if strict else -2.0
-    filter_rows(
-        values, seen, place, geometric, shading, depth, reach, SAME_NORMAL, PLANE_TOLERANCE, limit, 0, shape[0], out
+) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return the means over windows of pixels, of those that are on the surfaces of given points.
+
+    Parameters
+    ----------
+    values, pixels
+        ``(H, W, C)``; ``(H, W)``: what is averaged, and what is seen there.
+    places
+        Rows and columns of the windows' own pixels, ``(n,)`` each; windows must lie within the rectangle.
+    points
+        ``(n,)``: whose surface it is, of each window.
+    reach, strict
+        The window; whether shading normals are to agree too.
+
+    Returns
+    -------
+    means, found
+        ``(n, C)``; ``(n,)`` whether any pixel of the window is on that surface; zero where none is.
+    """
+    means = np.zeros((len(places[0]), values.shape[2]), values.dtype)
+    counts = np.zeros(len(means), np.int64)
+    _window_means(
+        values,
+        pixels.seen,
+        pixels.place,
+        pixels.geometric,
+        pixels.shading,
+        *places,
+        points.place,
+        points.geometric,
+        points.shading,
+        points.depth,
+        reach,
+        STRICT_NORMAL if strict else -2.0,
+        means,
+        counts,
     )
-    return out
+    return means, counts > 0
+
+
+@njit(cache=True, nogil=True)
+def same_surface(px, py, pz, nx, ny, nz, depth, place, geometric):  # type: ignore[no-untyped-def]
+    """Say whether ``place`` and ``geometric``, ``(3,)`` each, are on the smooth surface of p, whose normal is n.
+
+    ``depth``: of p, metres from the camera.
+    """
+    if nx * geometric[0] + ny * geometric[1] + nz * geometric[2] <= SAME_NORMAL:
+        return False
+    off = (place[0] - px) * nx + (place[1] - py) * ny + (place[2] - pz) * nz
+    return abs(off) < PLANE_TOLERANCE * depth
+
+
+@njit(cache=True, nogil=True)
+def _window_means(  # type: ignore[no-untyped-def]
+    values,
+    seen,
+    place,
+    geometric,
+    shading,
+    rows,
+    columns,
+    point_place,
+    point_geometric,
+    point_shading,
+    point_depth,
+    reach,
+    shading_test,
+    means,
+    counts,
+):
+    """Write means ``(n, C)`` and how many pixels they are of; ``shading_test`` below −1: none."""
+    left, right, up, down = reach
+    channels = values.shape[2]
+    total = np.empty(channels, values.dtype)
+    for k in range(len(rows)):
+        px, py, pz = point_place[k, 0], point_place[k, 1], point_place[k, 2]
+        nx, ny, nz = point_geometric[k, 0], point_geometric[k, 1], point_geometric[k, 2]
+        sx, sy, sz = point_shading[k, 0], point_shading[k, 1], point_shading[k, 2]
+        depth = point_depth[k]
+        total[:] = 0
+        count = 0
+        for a in range(rows[k] - up, rows[k] + down + 1):
+            for b in range(columns[k] - left, columns[k] + right + 1):
+                if not seen[a, b]:
+                    continue
+                if not same_surface(px, py, pz, nx, ny, nz, depth, place[a, b], geometric[a, b]):
+                    continue
+                if shading_test > -1:
+                    s = shading[a, b]
+                    if s[0] * sx + s[1] * sy + s[2] * sz < shading_test:
+                        continue
+                count += 1
+                v = values[a, b]
+                for c in range(channels):
+                    total[c] += v[c]
+        counts[k] = count
+        if count:
+            for c in range(channels):
+                means[k, c] = total[c] / count

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from lightwell.render.camera import Camera
 from lightwell.render.picture import MAX_BACKS, STEP
 
 Floats = NDArray[np.float64]
+Places = tuple[slice, slice] | tuple[NDArray[np.int64], NDArray[np.int64]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,10 @@ class GBuffer:
     """``(H, W, 3)`` radiance."""
     depth: Singles
     """``(H, W)`` metres along the viewing axis; infinite where nothing is."""
+
+    def part(self, places: Places) -> GBuffer:
+        """Return some of the pixels: a rectangle for slices of rows and columns, ``(n,)`` for so many of each."""
+        return GBuffer(*(getattr(self, field.name)[places] for field in fields(self)))
 
 
 def look(

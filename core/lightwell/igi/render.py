@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from lightwell.igi.gbuffer import GBuffer, look, require_outside
 from lightwell.igi.rendering import TILE, IgiRendering, Tile, assemble, cut
 from lightwell.igi.scene import IgiScene
 from lightwell.igi.shade import Responses, responses
-from lightwell.igi.subpixels import ELSEWHERE, own_pixels, pixel_means, strips, window_means
+from lightwell.igi.subpixels import ELSEWHERE, neighbours_means, own_pixels, pixel_means, strips
 from lightwell.igi.surfaces import Singles, Surfaces
 from lightwell.igi.virtual import make_virtual_lights
 from lightwell.igi_settings import IgiSettings
@@ -46,7 +47,7 @@ class IgiRenderer:
     ) -> IgiRendering:
         """Return a tile of a picture; its pixels are the same, to the last bit, in whatever tiles that is cut.
 
-        ``check`` is called every few milliseconds; what it raises ends the work. ``samples`` as in `render_igi`.
+        ``check`` is called several times a second; what it raises ends the work. ``samples`` as in `render_igi`.
         """
         settings = self.settings
         reach = margins(settings)
@@ -70,7 +71,7 @@ class IgiRenderer:
                 arrived, clamped, rays = arrived + more.arrived, clamped + more.clamped, rays + more.rays
         else:
             last = self._filter(np.stack(self._receive(raw, wide), axis=2), wide)
-            inner, coefficients = last.inner, _within(raw, reach)
+            inner, coefficients = last.inner, raw[reach.within(raw.shape)]
             lit = self._lit(inner, Responses(last.after[:, :, 0], last.after[:, :, 1]))
         wanted = set(settings.layers)
         n, m = settings.sets
@@ -98,9 +99,9 @@ class IgiRenderer:
         for reach in windows(self.settings):
             now, before = found.inner, found.after
             flat = before.reshape(*before.shape[:2], -1)
-            means = filtered(flat, now.seen, now.place, now.geometric, now.shading, now.depth, reach, strict)
+            means = filtered(flat, now, reach, strict)
             after = means.reshape(*means.shape[:2], *values.shape[2:])
-            found = _LastPass(now, reach, before, _inner(now, reach), after)
+            found = _LastPass(now, reach, before, now.part(reach.within(now.seen.shape)), after)
         return found
 
     def _by_subpixels(
@@ -123,10 +124,10 @@ class IgiRenderer:
             rows = (tile.top + first) * samples, (tile.top + last) * samples
             columns = tile.left * samples, tile.right * samples
             fine = look(self.surfaces, camera, (size[0] * samples, size[1] * samples), rows, columns)
-            pixels = _part(centres.inner, slice(first, last), slice(None))
+            pixels = centres.inner.part(np.s_[first:last, :])
             own = own_pixels(fine, pixels, samples)
             elsewhere = np.flatnonzero(own == ELSEWHERE)
-            means, found = window_means(before, centres.pixels, fine, elsewhere, samples, centres.reach, first)
+            means, found = neighbours_means(before, centres.pixels, fine, elsewhere, samples, centres.reach, first)
             if not found.all():
                 alone = np.zeros(fine.seen.size, np.bool_)
                 alone[elsewhere[~found]] = True
@@ -232,7 +233,7 @@ def render_igi(
     progress
         Called with the tiles that are done and how many there are.
     check
-        Called every few milliseconds, from any thread; what it raises ends the work.
+        Called several times a second, from any thread; what it raises ends the work.
     tile
         Pixels along each side of a tile: more take more memory and do less work twice.
     threads
@@ -258,32 +259,19 @@ def render_igi(
     renderer = IgiRenderer(scene, settings)
     require_outside(renderer.surfaces, camera)
     tiles = cut(size, tile)
-    parts: list[tuple[Tile, IgiRendering]] = []
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        futures = [pool.submit(renderer.tile, camera, size, one, check, samples) for one in tiles]
-        try:
-            for one, future in zip(tiles, futures, strict=True):
-                parts.append((one, future.result()))
+        waiting = deque(pool.submit(renderer.tile, camera, size, one, check, samples) for one in tiles)
+
+        def finished() -> Iterator[tuple[Tile, IgiRendering]]:
+            for done, one in enumerate(tiles, 1):
+                # Tiles are let go of when they are in the picture, which would else be in memory twice.
+                yield one, waiting.popleft().result()
                 if progress is not None:
-                    progress(len(parts), len(tiles))
+                    progress(done, len(tiles))
+
+        try:
+            return assemble(size, finished())
         except BaseException:
-            for future in futures:
+            for future in waiting:
                 future.cancel()
             raise
-    return assemble(size, parts)
-
-
-def _inner(wide: GBuffer, reach: Reach) -> GBuffer:
-    """Return a rectangle without its margins."""
-    height, width = wide.seen.shape
-    return _part(wide, slice(reach.up, height - reach.down), slice(reach.left, width - reach.right))
-
-
-def _within(values: Singles, reach: Reach) -> Singles:
-    """Return values ``(H, W, …)`` without their margins."""
-    height, width = values.shape[:2]
-    return values[reach.up : height - reach.down, reach.left : width - reach.right]
-
-
-def _part(pixels: GBuffer, rows: slice, columns: slice) -> GBuffer:
-    return GBuffer(*(getattr(pixels, name)[rows, columns] for name in GBuffer.__dataclass_fields__))

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lightwell.igi.filter import PLANE_TOLERANCE, SAME_NORMAL, Reach
+from lightwell.igi.filter import Reach, same_surface, window_means
 from lightwell.igi.gbuffer import GBuffer
 
 RAYS_AT_ONCE = 1 << 16
@@ -37,22 +37,12 @@ def own_pixels(fine: GBuffer, centre: GBuffer, samples: int) -> NDArray[np.int64
     """
     out = np.empty(fine.seen.shape, np.int64)
     _own_pixels(
-        fine.seen,
-        fine.place,
-        fine.geometric,
-        fine.depth,
-        centre.seen,
-        centre.place,
-        centre.geometric,
-        samples,
-        SAME_NORMAL,
-        PLANE_TOLERANCE,
-        out,
+        fine.seen, fine.place, fine.geometric, fine.depth, centre.seen, centre.place, centre.geometric, samples, out
     )
     return out.ravel()
 
 
-def window_means(
+def neighbours_means(
     values: NDArray[Any],
     wide: GBuffer,
     fine: GBuffer,
@@ -85,26 +75,9 @@ def window_means(
     means, found
         ``(E, C)``; ``(E,)`` whether there is any pixel on that surface.
     """
-    means = np.zeros((len(chosen), values.shape[2]), values.dtype)
-    found = np.empty(len(chosen), np.bool_)
-    _window_means(
-        values,
-        wide.seen,
-        wide.place,
-        wide.geometric,
-        fine.place,
-        fine.geometric,
-        fine.depth,
-        chosen,
-        samples,
-        reach,
-        first_row,
-        SAME_NORMAL,
-        PLANE_TOLERANCE,
-        means,
-        found,
-    )
-    return means, found
+    rows, columns = np.divmod(chosen, fine.seen.shape[1])
+    places = rows // samples + (first_row + reach.up), columns // samples + reach.left
+    return window_means(values, wide, places, fine.part((rows, columns)), reach)
 
 
 def pixel_means(values: NDArray[np.floating], samples: int) -> NDArray[np.float32]:
@@ -118,15 +91,8 @@ def pixel_means(values: NDArray[np.floating], samples: int) -> NDArray[np.float3
 
 
 @njit(cache=True, nogil=True)
-def _same_surface(px, py, pz, nx, ny, nz, nearest, place, geometric, normal_test):  # type: ignore[no-untyped-def]
-    if nx * geometric[0] + ny * geometric[1] + nz * geometric[2] <= normal_test:
-        return False
-    return abs((place[0] - px) * nx + (place[1] - py) * ny + (place[2] - pz) * nz) < nearest
-
-
-@njit(cache=True, nogil=True)
 def _own_pixels(  # type: ignore[no-untyped-def]
-    fine_seen, fine_place, fine_normal, fine_depth, seen, place, normal, samples, normal_test, plane_test, out
+    fine_seen, fine_place, fine_normal, fine_depth, seen, place, normal, samples, out
 ):
     height, width = fine_seen.shape
     for i in range(height):
@@ -136,48 +102,7 @@ def _own_pixels(  # type: ignore[no-untyped-def]
                 continue
             a, b = i // samples, j // samples
             p, n = fine_place[i, j], fine_normal[i, j]
-            near = plane_test * fine_depth[i, j]
-            same = seen[a, b] and _same_surface(
-                p[0], p[1], p[2], n[0], n[1], n[2], near, place[a, b], normal[a, b], normal_test
+            same = seen[a, b] and same_surface(
+                p[0], p[1], p[2], n[0], n[1], n[2], fine_depth[i, j], place[a, b], normal[a, b]
             )
             out[i, j] = a * seen.shape[1] + b if same else ELSEWHERE
-
-
-@njit(cache=True, nogil=True)
-def _window_means(  # type: ignore[no-untyped-def]
-    values,
-    seen,
-    place,
-    normal,
-    fine_place,
-    fine_normal,
-    fine_depth,
-    chosen,
-    samples,
-    reach,
-    first_row,
-    normal_test,
-    plane_test,
-    means,
-    found,
-):
-    left, right, up, down = reach
-    width = fine_depth.shape[1]
-    for e in range(len(chosen)):
-        i, j = chosen[e] // width, chosen[e] % width
-        p, n = fine_place[i, j], fine_normal[i, j]
-        near = plane_test * fine_depth[i, j]
-        row, column = i // samples + first_row + up, j // samples + left
-        count = 0
-        for a in range(row - up, row + down + 1):
-            for b in range(column - left, column + right + 1):
-                if seen[a, b] and _same_surface(
-                    p[0], p[1], p[2], n[0], n[1], n[2], near, place[a, b], normal[a, b], normal_test
-                ):
-                    count += 1
-                    for c in range(values.shape[2]):
-                        means[e, c] += values[a, b, c]
-        found[e] = count > 0
-        if count:
-            for c in range(values.shape[2]):
-                means[e, c] /= count

@@ -7,9 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support import reference_igi
+from tests.support.igi_scenes import pixels
 
 from lightwell.igi.filter import PLANE_TOLERANCE, SAME_NORMAL, STRICT_NORMAL, filtered, margins, windows
+from lightwell.igi.gbuffer import GBuffer
 from lightwell.igi_settings import IgiSettings
+
+
+def ground(shape: tuple[int, int]) -> GBuffer:
+    """One plane, a metre away."""
+    up = np.tile([0.0, 0, 1], (*shape, 1))
+    return pixels(np.ones(shape, bool), np.zeros((*shape, 3)), up, up, np.ones(shape))
 
 
 @given(
@@ -32,7 +40,7 @@ def test_means_are_those_of_the_reference(seed: int, pattern: tuple[int, int], w
     place = random.normal(0, 0.02, (*shape, 3))
     depth, seen = random.uniform(0.5, 3, shape), random.random(shape) > 0.2
     values = random.normal(size=(*shape, 4))
-    got = filtered(values, seen, place, normals, shading, depth, reach, strict)
+    got = filtered(values, pixels(seen, place, normals, shading, depth), reach, strict)
     cosines = (SAME_NORMAL, STRICT_NORMAL if strict else None)
     expected = reference_igi.filtered(values, seen, place, normals, shading, depth, reach, cosines, PLANE_TOLERANCE)
     np.testing.assert_allclose(got, expected, atol=1e-13)
@@ -48,9 +56,7 @@ def test_every_window_holds_each_set_as_often(pattern: tuple[int, int], passes: 
     turn = column % n + n * (row % m)[:, None]
     values = np.eye(n * m)[turn]
     for reach in windows(settings):
-        shape = values.shape[:2]
-        flat, up_wards = np.zeros((*shape, 3)), np.tile([0.0, 0, 1], (*shape, 1))
-        values = filtered(values, np.ones(shape, bool), flat, up_wards, up_wards, np.ones(shape), reach)
+        values = filtered(values, ground(values.shape[:2]), reach)
     assert values.shape == (7, 9, n * m)
     np.testing.assert_allclose(values, 1 / (n * m), rtol=1e-14)
 
@@ -65,8 +71,6 @@ def test_two_passes_are_a_tent() -> None:
     for column in range(-3, 4):
         moved = np.roll(values, (column, 0), (1, 0))
         for reach in windows(settings):
-            shape = moved.shape[:2]
-            up = np.tile([0.0, 0, 1], (*shape, 1))
-            moved = filtered(moved, np.ones(shape, bool), np.zeros((*shape, 3)), up, up, np.ones(shape), reach)
+            moved = filtered(moved, ground(moved.shape[:2]), reach)
         seen.append(float(moved[0, 0, 0]))
     np.testing.assert_allclose(np.array(seen) * 64, [1, 2, 3, 4, 3, 2, 1], rtol=1e-13)

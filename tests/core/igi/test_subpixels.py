@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from tests.support import reference_igi
-from tests.support.igi_scenes import ROOM_CAMERA, lamp, matte, panel, panel_room, placed
+from tests.support.igi_scenes import ROOM_CAMERA, lamp, matte, panel, panel_room, pixels, placed
 from tests.support.shapes import quad
 
 from lightwell.geometry.shapes import box, plane
 from lightwell.igi import IgiMaterial, IgiObject, IgiScene, Sky, Texture, render_igi
 from lightwell.igi.filter import Reach
 from lightwell.igi.gbuffer import GBuffer
-from lightwell.igi.subpixels import ELSEWHERE, UNSEEN, own_pixels, pixel_means, strips, window_means
+from lightwell.igi.subpixels import ELSEWHERE, UNSEEN, neighbours_means, own_pixels, pixel_means, strips
 from lightwell.igi_settings import IgiSettings
 from lightwell.render import Camera
 
@@ -27,17 +27,11 @@ def seen_at_random(random: np.random.Generator, shape: tuple[int, int]) -> GBuff
     """Normals about as far apart, and places about as far off the plane, as the tests of a surface ask for."""
     normals = random.normal([0, 0, 1], 0.3, (*shape, 3))
     normals = (normals / np.linalg.norm(normals, axis=-1, keepdims=True)).astype(np.float32)
-    nothing = np.zeros((*shape, 3), np.float32)
-    return GBuffer(
+    return pixels(
         random.random(shape) > 0.25,
-        nothing,
         random.normal(0, 0.02, (*shape, 3)).astype(np.float32),
         normals,
         normals,
-        nothing,
-        nothing,
-        nothing[..., 0],
-        nothing,
         random.uniform(0.5, 3, shape).astype(np.float32),
     )
 
@@ -49,23 +43,16 @@ def test_what_rays_take_is_that_of_the_reference(seed: int, samples: int, side: 
     reach = Reach(side // 2, side - 1 - side // 2, side - 1 - side // 2, side // 2)
     height, width = 4, 5
     wide = seen_at_random(random, (height + reach.up + reach.down, width + reach.left + reach.right))
-    inner = GBuffer(
-        *(
-            getattr(wide, name)[reach.up : reach.up + height, reach.left : reach.left + width]
-            for name in GBuffer.__dataclass_fields__
-        )
-    )
+    inner = wide.part(reach.within(wide.seen.shape))
     before = random.normal(size=(*wide.seen.shape, 4))
     after = random.normal(size=(height, width, 4))
     fine = seen_at_random(random, (height * samples, width * samples))
     expected = reference_igi.incident_of_rays(fine, wide, before, after, samples, reach)
     for first, last in ((0, 3), (3, height)):
-        rows = slice(first * samples, last * samples)
-        part = GBuffer(*(getattr(fine, name)[rows] for name in GBuffer.__dataclass_fields__))
-        pixels = GBuffer(*(getattr(inner, name)[first:last] for name in GBuffer.__dataclass_fields__))
-        own = own_pixels(part, pixels, samples)
+        part = fine.part(np.s_[first * samples : last * samples, :])
+        own = own_pixels(part, inner.part(np.s_[first:last, :]), samples)
         elsewhere = np.flatnonzero(own == ELSEWHERE)
-        means, found = window_means(before, wide, part, elsewhere, samples, reach, first)
+        means, found = neighbours_means(before, wide, part, elsewhere, samples, reach, first)
         wanted = expected[first * samples * width * samples : last * samples * width * samples]
         place = {int(ray): k for k, ray in enumerate(elsewhere)}
         for ray, value in enumerate(wanted):
