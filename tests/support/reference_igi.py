@@ -10,19 +10,26 @@ from numpy.typing import NDArray
 from lightwell.geometry.rays import RayScene
 from lightwell.igi.filter import PLANE_TOLERANCE, SAME_NORMAL, Reach
 from lightwell.igi.gbuffer import GBuffer
-from lightwell.igi.lights import BOUNDARY, DIRECTIONAL, POINT, SURFACE, LightSets, VirtualLights
+from lightwell.igi.lights import CAPTURED, DIRECTIONAL, POINT, SURFACE, LightSets, VirtualLights
 from lightwell.igi.surfaces import Surfaces
+from lightwell.render.light import StaticField
 from lightwell.sh.basis import evaluate
 from lightwell.sh.shading import irradiance, phong
 
 Floats = NDArray[np.float64]
 
 
-def light_at(lights: VirtualLights, j: int, place: Floats, normal: Floats) -> tuple[Floats, Floats, float] | None:
+def light_at(
+    lights: VirtualLights, j: int, place: Floats, normal: Floats, field: StaticField | None = None
+) -> tuple[Floats, Floats, float] | None:
     """Direction ω, Φ ``(3,)`` without the clamp and its factor, or None below the horizon."""
     axis, flux = lights.normal[j], lights.flux[j]
     if lights.kind[j] == DIRECTIONAL:
         return (axis, flux, 1.0) if normal @ axis > 0 else None
+    if lights.kind[j] == CAPTURED:
+        assert field is not None
+        radiance = lights.harmonics[lights.row[j]] @ field.at(place[None])[0]
+        return (axis, flux * radiance, 1.0) if normal @ axis > 0 else None
     away = lights.position[j] - place
     square = float(away @ away)
     omega = away / np.sqrt(square)
@@ -36,25 +43,27 @@ def light_at(lights: VirtualLights, j: int, place: Floats, normal: Floats) -> tu
         return None
     # Bounded: both cosines over the squared distance.
     kept = min(1.0, square / (lights.least[j] * cosine * above)) if lights.least[j] > 0 else 1.0
-    if lights.kind[j] == SURFACE:
-        return omega, flux * cosine / (np.pi * square), kept
-    assert lights.kind[j] == BOUNDARY
-    table = lights.coefficients[lights.row[j]]
-    radiance = np.maximum(evaluate(omega, int(np.sqrt(len(table)))) @ table, 0)
-    return omega, flux * cosine / square * radiance, kept
+    assert lights.kind[j] == SURFACE
+    return omega, flux * cosine / (np.pi * square), kept
 
 
 def gathered(
-    rays: RayScene, sets: LightSets, bands: int, place: Floats, normal: Floats, which: int
+    rays: RayScene,
+    sets: LightSets,
+    bands: int,
+    place: Floats,
+    normal: Floats,
+    which: int,
+    field: StaticField | None = None,
 ) -> tuple[Floats, float]:
     """Coefficients ``(2, bands², 3)`` of one pixel, and what the clamp took."""
     total, lost = np.zeros((2, bands * bands, 3)), 0.0
     for j in range(sets.starts[which], sets.starts[which + 1]):
-        seen = light_at(sets.lights, j, place, normal)
+        seen = light_at(sets.lights, j, place, normal, field)
         if seen is None:
             continue
         omega, phi, kept = seen
-        far = sets.lights.kind[j] == DIRECTIONAL
+        far = sets.lights.kind[j] in (DIRECTIONAL, CAPTURED)
         ray = omega if far else sets.lights.position[j] - place
         end = np.array([1e30 if far else 1.0], np.float32)
         if rays.occluded(place[None].astype(np.float32), ray[None].astype(np.float32), end)[0]:

@@ -18,6 +18,7 @@ from numpy.typing import DTypeLike, NDArray
 from lightwell.geometry.rays import RayScene
 from lightwell.igi import kernels
 from lightwell.igi.lights import LightSets
+from lightwell.render.light import StaticField
 from lightwell.sh.basis import RECURRENCE_A, RECURRENCE_AB, SECTORAL_RATIO, Y00
 
 BLOCK_SIDE = 16
@@ -53,14 +54,25 @@ class _Lights:
     least: NDArray[Any]
     falloff: NDArray[Any]
     row: NDArray[np.int32]
-    table: NDArray[Any]
+    harmonics: NDArray[Any]
 
 
 class Gatherer:
     """Gathers for one scene and its lights; immutable, for any number of threads."""
 
-    def __init__(self, rays: RayScene, sets: LightSets, bands: int, dtype: DTypeLike = np.float32) -> None:
-        """Take float64 as ``dtype`` to check identities to the last digits; rays are in single precision always."""
+    def __init__(
+        self,
+        rays: RayScene,
+        sets: LightSets,
+        bands: int,
+        dtype: DTypeLike = np.float32,
+        field: StaticField | None = None,
+    ) -> None:
+        """Take the field that captured lights are of.
+
+        With float64 as ``dtype`` identities can be checked to the last digits; rays are in single precision always.
+        """
+        self._field = field
         self._rays = rays
         self._sets = sets
         self._bands = bands
@@ -78,7 +90,7 @@ class Gatherer:
             lights.least.astype(self._dtype),
             columns(lights.falloff),
             lights.row,
-            lights.coefficients.astype(self._dtype),
+            lights.harmonics.astype(self._dtype),
         )
         tables = (RECURRENCE_A[:bands, :bands], RECURRENCE_AB[:bands, :bands], SECTORAL_RATIO[:bands], np.array([Y00]))
         self._tables = tuple(np.ascontiguousarray(table, dtype=self._dtype) for table in tables)
@@ -120,7 +132,7 @@ class Gatherer:
                 chosen = room.rows[:found], room.columns[:found]
                 pixels = np.empty((6, found), self._dtype)
                 kernels.load(places, normals, chosen[0], chosen[1], pixels)
-                sums = self._block(which, pixels, room)
+                sums = self._block(which, pixels, self._captured(places[chosen]), room)
                 kernels.store(sums.values, chosen[0], chosen[1], out)
                 clamped, rays = clamped + sums.clamped, rays + sums.rays
         return Gathered(out, float(out[..., 0, :].sum(dtype=np.float64) / Y00), clamped, rays)
@@ -136,7 +148,14 @@ class Gatherer:
                         which = (column + corner[0]) % n + n * ((row + corner[1]) % m)
                         yield which, slice(row, down.stop, m), slice(column, across.stop, n)
 
-    def _block(self, which: int, pixels: NDArray[Any], room: _Room) -> _BlockSums:
+    def _captured(self, places: NDArray[np.floating]) -> NDArray[Any]:
+        """Return the field's coefficients at places ``(P, 3)``, ``(bands'², 3, P)``."""
+        if self._field is None:
+            return np.empty((0, 3, len(places)), self._dtype)
+        found = self._field.at(places.astype(np.float64))
+        return np.ascontiguousarray(np.moveaxis(found, 0, -1), self._dtype)
+
+    def _block(self, which: int, pixels: NDArray[Any], own: NDArray[Any], room: _Room) -> _BlockSums:
         count = pixels.shape[1]
         sets, lights = self._sets, self._lights
         a, ab, diagonal, lowest = self._tables
@@ -186,7 +205,8 @@ class Gatherer:
                     lights.flux,
                     lights.least,
                     lights.row,
-                    lights.table,
+                    lights.harmonics,
+                    own,
                     begin,
                     end,
                     self._bands,

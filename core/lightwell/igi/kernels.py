@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from lightwell.igi.lights import BOUNDARY, DIRECTIONAL, POINT, SURFACE
+from lightwell.igi.lights import CAPTURED, DIRECTIONAL, POINT, SURFACE
 
-_SURFACE, _POINT, _DIRECTIONAL, _BOUNDARY = SURFACE, POINT, DIRECTIONAL, BOUNDARY
+_SURFACE, _POINT, _DIRECTIONAL, _CAPTURED = SURFACE, POINT, DIRECTIONAL, CAPTURED
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -42,7 +42,7 @@ def look_at_lights(pixels, kind, position, normal, least, falloff, first, last, 
         seen = sight[j - first]
         x, y, z, w, excess = seen[0, :count], seen[1, :count], seen[2, :count], seen[3, :count], seen[4, :count]
         ax, ay, az = normal[0, j], normal[1, j], normal[2, j]
-        if kind[j] == _DIRECTIONAL:
+        if kind[j] == _DIRECTIONAL or kind[j] == _CAPTURED:
             x[:], y[:], z[:] = ax, ay, az
             excess[:] = zero
             for p in range(count):
@@ -73,11 +73,11 @@ def look_at_lights(pixels, kind, position, normal, least, falloff, first, last, 
                 w[p] = share * share / square[p] if above[p] > zero else zero
             excess[:] = zero
             continue
-        factor, smallest = (inverse_pi if kind[j] == _SURFACE else one), least[j]
+        smallest = least[j]
         for p in range(count):
-            w[p] = max(w[p], zero) * factor if above[p] > zero else zero
+            w[p] = max(w[p], zero) * inverse_pi if above[p] > zero else zero
         # Where w is zero, what stands below the line does not matter.
-        scale = smallest / factor
+        scale = smallest / inverse_pi
         for p in range(count):
             bound = scale * w[p] * above[p]
             kept = w[p] / max(square[p], bound)
@@ -95,7 +95,7 @@ def shadow_rays(pixels, kind, position, normal, first, last, sight, origins, dir
     used = 0
     for j in range(first, last):
         weight = sight[j - first, 3]
-        far = kind[j] == _DIRECTIONAL
+        far = kind[j] == _DIRECTIONAL or kind[j] == _CAPTURED
         for p in range(count):
             if weight[p] > 0:
                 x, y, z = pixels[0, p], pixels[1, p], pixels[2, p]
@@ -180,7 +180,8 @@ def add_lights(  # type: ignore[no-untyped-def]
     flux,
     least,
     row,
-    table,
+    harmonics,
+    own,
     first,
     last,
     bands,
@@ -194,9 +195,9 @@ def add_lights(  # type: ignore[no-untyped-def]
 ):
     """Add ``Φ Y(ω)`` of lights ``first`` … ``last − 1`` to ``sums`` (bands², 3, P); return what the clamp took.
 
-    ``sight`` (J, 5, ≥ P) as `look_at_lights` writes it, light ``first`` at ``offset``; ``flux`` (3, N); ``table``
-    (K, bands'², 3) coefficients of boundary lights; ``basis`` (bands², P) and ``scratch`` are room. What is returned is
-    summed over pixels and channels.
+    ``sight`` (J, 5, ≥ P) as `look_at_lights` writes it, light ``first`` at ``offset``; ``flux`` (3, N); ``row``
+    (N,) and ``harmonics`` (K, bands'²) of captured lights, and ``own`` (bands'², 3, P): the field's coefficients at the
+    pixels; ``basis`` (bands², P) and ``scratch`` are room. What is returned is summed over pixels and channels.
     """
     zero = lowest.dtype.type(0)
     lost = np.zeros(count, sight.dtype)
@@ -215,14 +216,14 @@ def add_lights(  # type: ignore[no-untyped-def]
         for channel in range(3):
             level = flux[channel, first + j]
             target = shine[channel]
-            if kind[first + j] == _BOUNDARY:
+            if kind[first + j] == _CAPTURED:
                 target[:] = zero
-                for k in range(min(table.shape[1], bands * bands)):
-                    value, values = table[row[first + j], k, channel], basis[k]
+                for k in range(len(own)):
+                    value, values = harmonics[row[first + j], k], own[k, channel]
                     for p in range(count):
                         target[p] += value * values[p]
                 for p in range(count):
-                    target[p] = max(target[p], zero) * level
+                    target[p] *= level
             else:
                 target[:] = level
             if least[first + j] > zero:

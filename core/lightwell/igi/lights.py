@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-SURFACE, POINT, DIRECTIONAL, BOUNDARY = 0, 1, 2, 3
+SURFACE, POINT, DIRECTIONAL, CAPTURED = 0, 1, 2, 3
 """Kinds of light."""
 
 
@@ -23,25 +23,26 @@ class VirtualLights:
     - `SURFACE`: ``flux cosθ / (π r²)``, θ at the light: a sample of a lamp, or of a lit matte surface;
     - `POINT`: ``flux / r²``, for a spot times ``clip(a cosθ + b, 0, 1)²``;
     - `DIRECTIONAL`: ``flux``, from the same direction everywhere;
-    - `BOUNDARY`: ``flux cosθ / r²`` times the radiance that comes from ω, of coefficients.
+    - `CAPTURED`: ``flux`` times the radiance that a captured field has at x from that direction, which is the same
+      everywhere.
     """
 
     kind: NDArray[np.uint8]
     """``(N,)``."""
     position: Floats
-    """``(N, 3)`` metres, lifted off the surface; directional ones have none."""
+    """``(N, 3)`` metres, lifted off the surface; those of directions have none."""
     normal: Floats
-    """``(N, 3)``: of the surface, outwards; axis of a spot; of a directional light, the direction towards it."""
+    """``(N, 3)``: of the surface, outwards; axis of a spot; the direction from which light comes."""
     flux: Floats
-    """``(N, 3)``: W; point: W/sr; directional: W/m²; boundary: m²."""
+    """``(N, 3)``: W; point: W/sr; directional: W/m²; captured: sr."""
     least: Floats
     """``(N,)`` m²: the clamp. ``cosθ cosα / r²``, α at the point, counts as no more than one over it; 0: no clamp."""
     falloff: Floats
     """``(N, 2)``: a and b; (0, 1) where the light is the same in all directions."""
     row: NDArray[np.int32]
-    """``(N,)``: boundary: which of the coefficients."""
-    coefficients: Floats
-    """``(K, bands², 3)``: radiance at the boundary."""
+    """``(N,)``: captured: which of the harmonics."""
+    harmonics: Floats
+    """``(K, bands²)``: captured: what makes radiance from its direction of the field's coefficients."""
     direct: NDArray[np.bool_]
     """``(N,)``: straight from a source, or after bounces."""
 
@@ -59,7 +60,7 @@ def make_lights(
     *,
     least: Floats | float = 0.0,
     falloff: tuple[float, float] = (0.0, 1.0),
-    coefficients: Floats | None = None,
+    harmonics: Floats | None = None,
     direct: bool = True,
 ) -> VirtualLights:
     """Return lights of one kind; arrays as in `VirtualLights`."""
@@ -71,8 +72,8 @@ def make_lights(
         np.asarray(flux, np.float64).reshape(count, 3),
         np.broadcast_to(np.asarray(least, np.float64), (count,)).copy(),
         np.broadcast_to(np.array(falloff), (count, 2)).copy(),
-        np.arange(count, dtype=np.int32) if coefficients is not None else np.zeros(count, np.int32),
-        np.zeros((0, 1, 3)) if coefficients is None else coefficients,
+        np.arange(count, dtype=np.int32) if harmonics is not None else np.zeros(count, np.int32),
+        np.zeros((0, 1)) if harmonics is None else harmonics,
         np.full(count, direct),
     )
 
@@ -83,25 +84,25 @@ NONE = make_lights(SURFACE, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3))
 def join(parts: Sequence[VirtualLights]) -> VirtualLights:
     """Return all lights, in order."""
     parts = [part for part in parts if part.count] or [NONE]
-    tables = [part.coefficients for part in parts]
+    tables = [part.harmonics for part in parts]
     width = max(table.shape[1] for table in tables)
     starts = np.cumsum([0, *(len(table) for table in tables)])
-    padded = [np.pad(table, ((0, 0), (0, width - table.shape[1]), (0, 0))) for table in tables]
+    padded = [np.pad(table, ((0, 0), (0, width - table.shape[1]))) for table in tables]
     joined = {
         item.name: np.concatenate([getattr(part, item.name) for part in parts])
         for item in fields(VirtualLights)
-        if item.name not in ("row", "coefficients")
+        if item.name not in ("row", "harmonics")
     }
     rows = [part.row + np.int32(start) for part, start in zip(parts, starts[:-1], strict=True)]
-    return VirtualLights(row=np.concatenate(rows), coefficients=np.concatenate(padded), **joined)
+    return VirtualLights(row=np.concatenate(rows), harmonics=np.concatenate(padded), **joined)
 
 
 def take(lights: VirtualLights, chosen: NDArray[np.int64] | NDArray[np.bool_]) -> VirtualLights:
     """Return some of the lights."""
     picked = {
-        item.name: getattr(lights, item.name)[chosen] for item in fields(VirtualLights) if item.name != "coefficients"
+        item.name: getattr(lights, item.name)[chosen] for item in fields(VirtualLights) if item.name != "harmonics"
     }
-    return VirtualLights(coefficients=lights.coefficients, **picked)
+    return VirtualLights(harmonics=lights.harmonics, **picked)
 
 
 @dataclass(frozen=True, eq=False)

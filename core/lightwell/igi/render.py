@@ -34,7 +34,7 @@ class IgiRenderer:
         self.surfaces = surfaces or Surfaces(scene)
         self.lights = make_virtual_lights(scene, self.surfaces, settings)
         self._sky = scene.sky
-        self._gatherer = Gatherer(self.surfaces.rays, self.lights, settings.bands)
+        self._gatherer = Gatherer(self.surfaces.rays, self.lights, settings.bands, field=scene.field)
         self._groups = 2 if {"direct", "indirect"} & set(settings.layers) else 1
 
     def tile(

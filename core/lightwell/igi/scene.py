@@ -105,7 +105,7 @@ class IgiScene:
     sky: Sky | None = None
     """Distant surroundings, also seen behind the objects."""
     field: StaticField | None = None
-    """A grid of what was captured, or light groups: their light comes in at the boundary of their volume."""
+    """A grid of what was captured, or light groups."""
 
 
 def _require_light(what: str, power: Colour, place: Place) -> None:

@@ -46,6 +46,32 @@ def sky_of_harmonics(coefficients: Floats) -> Sky:
     return Sky(values.reshape(mapping.height, mapping.width, 3).astype(np.float32))
 
 
+class Directions:
+    """Directions drawn from a lat-long map of how often each is wanted; even within a texel."""
+
+    def __init__(self, density: Floats) -> None:
+        """Take ``(H, W)``, not negative."""
+        self._mapping = LatLong(*density.shape)
+        self._density = density.reshape(-1)
+        weights = self._density * self._mapping.solid_angles().reshape(-1)
+        self.total = float(weights.sum())
+        """Integral over the sphere."""
+        self._cumulative = np.cumsum(weights) / self.total if self.total > 0 else np.ones(len(weights))
+        self._cumulative[-1] = 1.0
+
+    def draw(self, numbers: Floats) -> tuple[Floats, NDArray[np.int64], Floats]:
+        """Return unit vectors ``(n, 3)``, their texels, and 1/p in steradians, of random numbers ``(n, 3)``."""
+        texel, _ = pick(self._cumulative, numbers[:, 0])
+        row, column = np.divmod(texel, self._mapping.width)
+        edges = np.cos(np.pi * np.arange(self._mapping.height + 1) / self._mapping.height)
+        z = edges[row] + (edges[row + 1] - edges[row]) * numbers[:, 1]
+        phi = 2 * np.pi * (column + numbers[:, 2]) / self._mapping.width
+        sine = np.sqrt(np.maximum(0, 1 - z * z))
+        directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)
+        density = self._density[texel]
+        return directions, texel, np.divide(self.total, density, out=np.zeros(len(texel)), where=density > 0)
+
+
 class SkySource:
     """Light of a sky. Every texel is a patch of constant radiance."""
 
@@ -53,16 +79,10 @@ class SkySource:
 
     def __init__(self, sky: Sky, centre: Floats, radius: float) -> None:
         """Take a sky round a sphere that holds the scene."""
-        height, width, _ = sky.pixels.shape
-        self._mapping = LatLong(height, width)
         self._texels = sky.pixels.reshape(-1, 3)
-        weights = (self._texels.astype(np.float64) @ LUMINANCE) * self._mapping.solid_angles().reshape(-1)
-        total = float(weights.sum())
+        self._directions = Directions(sky.pixels.astype(np.float64) @ LUMINANCE)
         self._centre, self._radius = centre, radius
-        self._total = total
-        self._cumulative = np.cumsum(weights) / total if total > 0 else np.ones(len(weights))
-        self._cumulative[-1] = 1.0
-        self.power = total * np.pi * radius**2
+        self.power = self._directions.total * np.pi * radius**2
 
     def lights(self, numbers: Floats, count: float, clamp: float) -> VirtualLights:
         """Return directional lights."""
@@ -82,14 +102,5 @@ class SkySource:
 
     def _sample(self, numbers: Floats, count: float) -> tuple[Floats, Floats]:
         """Return directions ``(n, 3)``, and ``L(ω) / (count p(ω))``, ``(n, 3)``, p = luminance over its integral."""
-        texel, _ = pick(self._cumulative, numbers[:, 0])
-        row, column = np.divmod(texel, self._mapping.width)
-        edges = np.cos(np.pi * np.arange(self._mapping.height + 1) / self._mapping.height)
-        z = edges[row] + (edges[row + 1] - edges[row]) * numbers[:, 1]
-        phi = 2 * np.pi * (column + numbers[:, 2]) / self._mapping.width
-        sine = np.sqrt(np.maximum(0, 1 - z * z))
-        directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)
-        radiance = self._texels[texel].astype(np.float64)
-        luminance = radiance @ LUMINANCE
-        colour = np.divide(radiance, luminance[:, None], out=np.zeros_like(radiance), where=luminance[:, None] > 0)
-        return directions, colour * (self._total / count)
+        directions, texel, inverse = self._directions.draw(numbers)
+        return directions, self._texels[texel].astype(np.float64) * (inverse / count)[:, None]

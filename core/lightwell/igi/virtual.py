@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightwell.igi.bounce import path_counts, trace
-from lightwell.igi.boundary import Boundary
+from lightwell.igi.captured import CapturedField
 from lightwell.igi.emit import EmissiveSurfaces, Lamp
 from lightwell.igi.lights import LightSets, VirtualLights, arrange, join, take
 from lightwell.igi.scene import IgiScene
@@ -68,7 +68,7 @@ def _sampled(scene: IgiScene, surfaces: Surfaces) -> list[Source]:
     if scene.sky is not None:
         found.append(SkySource(scene.sky, surfaces.centre, surfaces.radius))
     if scene.field is not None:
-        found.append(Boundary(scene.field, surfaces))
+        found.append(CapturedField(scene.field, surfaces))
     return found
 
 

@@ -7,11 +7,14 @@ import pytest
 from tests.support.igi_scenes import placed
 from tests.support.reference_igi import gathered
 
+from lightwell.field.grid import Grid
+from lightwell.field.spec import GridSpec
 from lightwell.geometry.rays import RayScene
 from lightwell.geometry.shapes import box
 from lightwell.igi import gather as module
 from lightwell.igi.gather import Gatherer
-from lightwell.igi.lights import BOUNDARY, DIRECTIONAL, NONE, POINT, SURFACE, LightSets, arrange, join, make_lights
+from lightwell.igi.lights import CAPTURED, DIRECTIONAL, NONE, POINT, SURFACE, LightSets, arrange, join, make_lights
+from lightwell.render.light import FieldLight
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -32,7 +35,7 @@ def some_sets(pattern: tuple[int, int], seed: int, each: int = 40) -> LightSets:
         make_lights(SURFACE, places(each), axes(each), random.random((each, 3)), least=9 * random.random(each)),
         make_lights(DIRECTIONAL, places(each), axes(each), random.random((each, 3))),
         make_lights(
-            BOUNDARY, places(each), axes(each), random.random((each, 3)), coefficients=random.normal(size=(each, 4, 3))
+            CAPTURED, places(each), axes(each), random.random((each, 3)), harmonics=random.normal(size=(each, 4))
         ),
     ]
     bounced = make_lights(SURFACE, places(each), axes(each), random.random((each, 3)), direct=False)
@@ -43,6 +46,12 @@ def some_sets(pattern: tuple[int, int], seed: int, each: int = 40) -> LightSets:
         ]
     )
     return arrange([*direct, bounced], common, pattern, seed)
+
+
+def some_field() -> FieldLight:
+    spec = GridSpec((-1, -1, 1), (1, 1, 3), (3, 4, 2))
+    values = np.random.default_rng(9).normal(size=(*spec.shape, 4, 3)).astype(np.float32)
+    return FieldLight(Grid(spec, values, np.ones(spec.shape, np.float32)))
 
 
 def some_pixels(shape: tuple[int, int], seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -56,12 +65,13 @@ def test_pixels_get_what_the_reference_says(pattern: tuple[int, int], bands: int
     rays = RayScene([placed(box(), 0.7, [0, 0, 0])])
     sets = some_sets(pattern, seed)
     places, normals, seen = some_pixels((5, 7), seed)
-    got = Gatherer(rays, sets, bands, np.float64).gather(places, normals, seen, corner=(-1, -2))
-    single = Gatherer(rays, sets, bands).gather(places, normals, seen, corner=(-1, -2), groups=1)
+    field = some_field()
+    got = Gatherer(rays, sets, bands, np.float64, field).gather(places, normals, seen, corner=(-1, -2))
+    single = Gatherer(rays, sets, bands, field=field).gather(places, normals, seen, corner=(-1, -2), groups=1)
     lost = 0.0
     for (i, j), here in np.ndenumerate(seen):
         which = (j - 1) % pattern[0] + pattern[0] * ((i - 2) % pattern[1])
-        expected, gone = gathered(rays, sets, bands, places[i, j], normals[i, j], which)
+        expected, gone = gathered(rays, sets, bands, places[i, j], normals[i, j], which, field)
         if not here:
             expected, gone = np.zeros_like(expected), 0.0
         lost += gone
@@ -77,12 +87,14 @@ def test_blocks_and_batches_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None
     rays = RayScene([placed(box(), 0.7, [0, 0, 0])])
     sets = some_sets((2, 2), 3)
     places, normals, seen = some_pixels((23, 37), 3)
-    whole = Gatherer(rays, sets, 3).gather(places, normals, seen)
-    part = Gatherer(rays, sets, 3).gather(places[4:18, 5:], normals[4:18, 5:], seen[4:18, 5:], corner=(5, 4))
+    whole = Gatherer(rays, sets, 3, field=some_field()).gather(places, normals, seen)
+    part = Gatherer(rays, sets, 3, field=some_field()).gather(
+        places[4:18, 5:], normals[4:18, 5:], seen[4:18, 5:], corner=(5, 4)
+    )
     np.testing.assert_array_equal(part.coefficients, whole.coefficients[4:18, 5:])
     monkeypatch.setattr(module, "BLOCK_SIDE", 3)
     monkeypatch.setattr(module, "LIGHTS_AT_ONCE", 7)
-    again = Gatherer(rays, sets, 3).gather(places, normals, seen)
+    again = Gatherer(rays, sets, 3, field=some_field()).gather(places, normals, seen)
     np.testing.assert_array_equal(again.coefficients, whole.coefficients)
     assert again.rays == whole.rays
 
@@ -96,7 +108,7 @@ def test_sets_share_everything_out() -> None:
         own = slice(sets.starts[which], sets.starts[which + 1])
         kinds = sets.lights.kind[own]
         assert np.count_nonzero(kinds == POINT) == 3
-        assert all(np.count_nonzero(kinds == kind) in (8, 9, 16, 17, 18) for kind in (SURFACE, DIRECTIONAL, BOUNDARY))
+        assert all(np.count_nonzero(kinds == kind) in (8, 9, 16, 17, 18) for kind in (SURFACE, DIRECTIONAL, CAPTURED))
         direct = sets.lights.direct[own]
         assert direct[: sets.bounced[which] - sets.starts[which]].all()
         assert not direct[sets.bounced[which] - sets.starts[which] :].any()
