@@ -240,6 +240,8 @@ def complaint(item: ErrorDetails) -> str:
             message = "must be a list"
         case "gradients" | "twice" | "scene":
             return message
+        case "too_short":
+            message = f"must have at least {item['ctx']['min_length']} values"
         case "too_long":
             message = f"must have at most {item['ctx']['max_length']} values"
     if any("token" in str(part) for part in item["loc"]):

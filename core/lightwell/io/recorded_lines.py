@@ -5,9 +5,10 @@ Each line says its own convention, bands, unit and capture time; what the stream
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
@@ -21,8 +22,14 @@ MAX_LINES = 1 << 19
 """Five hours of 30 frames a second."""
 LARGEST = 1e20
 """Of coefficients: pictures are computed in single precision."""
-MAX_DOCUMENT_BYTES = 1 << 24
-"""Of a single document that is written over several lines."""
+MAX_VALUES = 1 << 26
+"""Of all frames: 512 MiB."""
+MAX_BYTES = 1 << 31
+MAX_LINE_BYTES = 1 << 20
+"""Of a line, or of a single document that is written over several."""
+MOST_NAMED = 8
+"""Streams, in an error."""
+UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 REMEDY = "write it with `lightwell project --json` or `lightwell watch STREAM --json`"
 
 
@@ -33,7 +40,7 @@ class RecordedLine(msgspec.Struct):
     convention: str = "lightwell"
     units: str = "relative"
     stream: str = ""
-    capture_time_ns: int | None = None
+    capture_time_ns: Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)] | None = None
     from_hello: bool = False
 
 
@@ -72,15 +79,18 @@ def read_lines(path: Path, stream: str | None = None) -> Lines:
     rows: list[NDArray[np.float64]] = []
     times: list[int | None] = []
     from_hello = False
+    largest = 0
     streams: dict[str, None] = {}
     units = ""
     for number, line in _parsed(path):
-        streams[line.stream] = None
+        if len(streams) < MOST_NAMED:
+            streams[line.stream] = None
         if stream is not None and line.stream != stream:
             continue
         if len(streams) > 1 and stream is None:
-            named = ", ".join(repr(name) for name in streams)
-            raise FrameError(path.name, f"holds lines of several streams ({named}): say which by light.stream")
+            raise FrameError(
+                path.name, f"holds lines of several streams ({_named(streams)}): say which by light.stream"
+            )
         if units not in ("", line.units):
             raise _wrong(path, number, f"its unit is {line.units}, that of the lines before is {units}: split the file")
         units = line.units
@@ -92,17 +102,18 @@ def read_lines(path: Path, stream: str | None = None) -> Lines:
                 continue
             words = f"was captured before the frame of line {numbers[-1]}: keep one recording in a file, in its order"
             raise _wrong(path, number, words)
-        if len(rows) == MAX_LINES:
-            raise FrameError(path.name, f"has more than {MAX_LINES} frames: split it")
+        row = _radiance(path, number, line)
+        largest = max(largest, row.size)
+        if len(rows) == MAX_LINES or (len(rows) + 1) * largest > MAX_VALUES:
+            raise FrameError(path.name, f"has more than {len(rows)} frames of so many bands: split it")
         from_hello = from_hello or (not rows and line.from_hello)
         numbers.append(number)
-        rows.append(_radiance(path, number, line))
+        rows.append(row)
         times.append(line.capture_time_ns)
     if not rows:
-        held = ", ".join(repr(name) for name in streams)
-        why = f"holds no frame of {stream!r}, but of {held}" if streams else f"holds no frame: {REMEDY}"
+        why = f"holds no frame of {stream!r}, but of {_named(streams)}" if streams else f"holds no frame: {REMEDY}"
         raise FrameError(path.name, why)
-    coefficients = np.zeros((len(rows), max(map(len, rows)), 3))
+    coefficients = np.zeros((len(rows), largest // 3, 3))
     for place, row in enumerate(rows):
         coefficients[place, : len(row)] = row
     said = None if times[0] is None else np.array(times, np.int64)
@@ -114,12 +125,16 @@ def _parsed(path: Path) -> Iterator[tuple[int, RecordedLine]]:
     decoder = msgspec.json.Decoder(RecordedLine)
     try:
         with path.open("rb") as file:
-            for number, text in enumerate(file, start=1):
+            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+                raise FrameError(path.name, f"is larger than {MAX_BYTES >> 30} GiB: split it")
+            for number, text in enumerate(iter(lambda: file.readline(MAX_LINE_BYTES + 1), b""), start=1):
+                if len(text) > MAX_LINE_BYTES:
+                    raise _wrong(path, number, f"is longer than {MAX_LINE_BYTES >> 20} MiB: {REMEDY}")
                 if not text.strip():
                     continue
                 try:
                     line = decoder.decode(text)
-                except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+                except UNREADABLE as error:
                     whole = _document(path, decoder) if number == 1 else None
                     if whole is not None:
                         yield 1, whole
@@ -134,11 +149,11 @@ def _parsed(path: Path) -> Iterator[tuple[int, RecordedLine]]:
 
 def _document(path: Path, decoder: msgspec.json.Decoder[RecordedLine]) -> RecordedLine | None:
     """Return the light of a file that is one document over several lines, or None."""
-    if path.stat().st_size > MAX_DOCUMENT_BYTES:
+    if path.stat().st_size > MAX_LINE_BYTES:
         return None
     try:
         return decoder.decode(path.read_bytes())
-    except (msgspec.MsgspecError, UnicodeDecodeError):
+    except UNREADABLE:
         return None
 
 
@@ -155,6 +170,10 @@ def _radiance(path: Path, number: int, line: RecordedLine) -> NDArray[np.float64
     if not (np.abs(found) <= LARGEST).all():
         raise _wrong(path, number, f"its coefficients must lie within ±{LARGEST:g}: {REMEDY}")
     return found
+
+
+def _named(streams: Iterable[str]) -> str:
+    return ", ".join(map(repr, streams))
 
 
 def _wrong(path: Path, number: int, words: str) -> FrameError:

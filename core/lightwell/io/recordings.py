@@ -23,7 +23,7 @@ from lightwell.errors import FrameError, LightwellError, RenderError, SourceErro
 from lightwell.io.files import require_file
 from lightwell.io.pictures import read_picture
 from lightwell.io.recorded_lines import read_lines
-from lightwell.io.sequences import find_sequence
+from lightwell.io.sequences import MOST, find_sequence
 from lightwell.io.videos import Video
 from lightwell.scene_settings import LINE_SUFFIXES
 from lightwell.video_settings import VideoSettings
@@ -128,9 +128,13 @@ def open_recording(named: str, video: VideoSettings | None = None, stream: str |
     """
     path = Path(named)
     suffix = path.suffix.lower()
-    if path.is_dir() or (not path.exists() and any(mark in path.name for mark in "*?[%")):
+    try:
+        is_there, is_folder = path.exists(), path.is_dir()
+    except OSError as error:
+        raise FrameError(path.name, f"cannot be read: {error.strerror}") from None
+    if is_folder or (not is_there and any(mark in path.name for mark in "*?[%")):
         return _sequence(named)
-    if not path.exists():
+    if not is_there:
         raise FrameError(path.name, "does not exist")
     require_file(path)
     if suffix in LINE_SUFFIXES:
@@ -214,6 +218,8 @@ def _video(path: Path, settings: VideoSettings) -> Recording:
         video.close()
     if not len(times):
         raise SourceError(f"{path.name}: holds no picture")
+    if len(times) > MOST:
+        raise SourceError(f"{path.name}: holds more than {MOST} pictures: cut it")
     return Recording(path.name, tuple((path, number) for number in range(len(times))), None, times - times[0])
 
 

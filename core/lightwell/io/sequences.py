@@ -10,7 +10,9 @@ from pathlib import Path
 from lightwell.errors import SourceError
 
 PICTURE_SUFFIX = ".exr"
-_PRINTF = re.compile(r"%(?:0(\d+))?d")
+MOST = 1 << 20
+"""Entries of a sequence: ten hours of 30 frames a second."""
+_PRINTF = re.compile(r"%(?:0(\d{1,2}))?d")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,10 @@ def _numbered(pattern: Path, printf: re.Match[str], first: int | None, last: int
     if not any(low <= number <= high for number in numbers):
         span = f" numbered {low} to {high}" if numbers else ""
         raise SourceError(f"{str(pattern)!r} matches no file{span} in {str(pattern.parent)!r}")
+    if high - low >= MOST:
+        raise SourceError(
+            f"{str(pattern)!r} goes from {low} to {high}, more than {MOST} frames: move files away that are none of it"
+        )
     return [
         SequenceEntry(f"{before}{number:0{digits}d}{after}", numbers.get(number)) for number in range(low, high + 1)
     ]

@@ -51,6 +51,12 @@ _PLANAR_FORM = {
 }
 """Formats that pack several components into one plane, and the planar one of the same depth and sampling."""
 
+_DEMUXERS = (
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mxf,mpeg,mpegts,mpegvideo,yuv4mpegpipe,nut,ogg,flv,asf,h264,hevc,ivf,obu"
+)
+_FILE_ALONE = {"protocol_whitelist": "file", "format_whitelist": _DEMUXERS}
+"""FFmpeg looks at what a file holds, not at its name: a playlist would make it read others, or a network."""
+
 PEAK_ROUNDING = 1e-5
 """How far the matrices, in float32, may leave the peak's light below the peak; a step of 16-bit codes is more."""
 
@@ -74,7 +80,7 @@ class Video:
             raise SourceError(f"is no file: {str(path)!r}")
         self.name = path.name
         try:
-            self._container = av.open(str(path))
+            self._container = av.open(str(path), options=_FILE_ALONE)
         except (FFmpegError, OSError) as error:
             raise SourceError(f"cannot be read: {error.strerror or error}: is it a video file?") from error
         try:

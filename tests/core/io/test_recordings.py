@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from lightwell.errors import LightwellError
+from lightwell.io import recorded_lines
 from lightwell.io.exr import write_rgb
 from lightwell.io.recordings import open_recording, read_recorded_picture
 from lightwell.io.scenes import SceneLoader
@@ -151,12 +152,45 @@ def test_a_line_that_is_cut_short_is_left_out_at_the_end_only(tmp_path: Path) ->
         (line(0.1, 1.0, coefficients=[[1.0, 1.0]]), "line 2: holds no light .*length 3"),
         (line(0.1, 1e39), "line 2: its coefficients must lie within"),
         ("not JSON", "line 2: holds no light"),
+        ('{"x": ' + "[" * 100_000, "line 2: holds no light .maximum recursion"),
+        (line(None, 1.0, capture_time_ns=1 << 64), "line 2: holds no light .*capture_time_ns"),
+        (line(None, 1.0, capture_time_ns=-(1 << 63)), "line 2: holds no light .*capture_time_ns"),
+        (" " * (1 << 20) + "1", "line 2: is longer than 1 MiB"),
     ],
 )
 def test_a_bad_line_is_named(tmp_path: Path, second: Any, words: str) -> None:
     path = write(tmp_path / "hall.jsonl", line(0.0, 1.0), second)
     with pytest.raises(LightwellError, match=rf"hall\.jsonl: {words}"):
         open_recording(str(path))
+
+
+def test_recordings_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One frame of many bands makes all others as large."""
+    names = [str(number) for number in range(1000)]
+    lines = [line(k / 10, 1.0, coefficients=[[1.0] * 3] * (1 + 8 * (k == 5))) for k in range(6)]
+    path = write(tmp_path / "hall.jsonl", *lines, *(line(1.0, 1.0, stream=name) for name in names))
+    for limits, stream, words in (
+        ({"MAX_VALUES": 100}, "hall", "has more than 5 frames of so many bands: split it"),
+        ({"MAX_LINES": 4}, "hall", "has more than 4 frames"),
+        ({"MAX_BYTES": 1 << 10}, "hall", "is larger than"),
+        ({}, "roof", "no frame of 'roof', but of 'hall', '0', '1', '2', '3', '4', '5', '6'$"),
+        ({}, None, r"of several streams \('hall', '0'\)"),
+    ):
+        with monkeypatch.context() as patch:
+            for name, value in limits.items():
+                patch.setattr(recorded_lines, name, value)
+            with pytest.raises(LightwellError, match=words):
+                open_recording(str(path), stream=stream)
+    with pytest.raises(LightwellError, match="cannot be read: File name too long"):
+        open_recording(str(tmp_path / ("x" * 300 + ".jsonl")))
+
+
+def test_a_video_is_nothing_that_names_other_files(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "far.mkv").symlink_to(folder / "hall.mkv")
+    (tmp_path / "list.mp4").write_text("ffconcat version 1.0\nfile far.mkv\n")
+    with pytest.raises(LightwellError, match=r"list\.mp4: cannot be read"):
+        open_recording(str(tmp_path / "list.mp4"), LINEAR)
+    assert open_recording(str(tmp_path / "far.mkv"), LINEAR).count == 4
 
 
 def test_a_scene_takes_one_frame_of_each_kind(folder: Path, tmp_path: Path) -> None:

@@ -68,3 +68,11 @@ def test_limits_outside_are_an_error(folder: Path) -> None:
         find_sequence(str(folder / "f%d.exr"), first=20)
     with pytest.raises(SourceError, match="has 5 files"):
         find_sequence(str(folder), first=20)
+
+
+def test_a_stray_number_is_an_error_and_no_list_of_all_between(folder: Path) -> None:
+    (folder / "f20261126.exr").touch()
+    with pytest.raises(SourceError, match=r"goes from 1 to 20261126, more than \d+ frames: move"):
+        find_sequence(str(folder / "f%d.exr"))
+    with pytest.raises(SourceError, match="matches no file"):
+        find_sequence(str(folder / f"f%0{'9' * 30}d.exr"))
