@@ -237,6 +237,11 @@ class SceneObjectSettings(Settings):
         (0.0, 0.0, 0.0), description="igi: radiance, of the back too with two_sided; linear: one number or three"
     )
 
+    bump: Path | None = Field(
+        None, description="igi: picture of heights, 8 or 16 bits or .exr, by the first texture coordinates of the mesh"
+    )
+    bump_metres: float = Field(0.01, ge=-1e3, le=1e3, description="igi: height of white in it, or of 1, metres")
+
     @model_validator(mode="after")
     def _check(self) -> Self:
         named = [name for name in ("mesh", "shape", "transfer") if getattr(self, name) is not None]
@@ -245,6 +250,38 @@ class SceneObjectSettings(Settings):
             raise PydanticCustomError("object", "give one of mesh, shape and transfer, not {found}", {"found": found})
         if self.transfer is not None and self.turn_degrees:
             raise PydanticCustomError("object", "turn_degrees cannot turn shadows: turn the mesh and transfer it anew")
+        return self
+
+
+class SceneLampSettings(Settings):
+    """A lamp of no size."""
+
+    kind: Literal["point", "spot", "directional"] = Field(description="directional: parallel light, from far away")
+    intensity: Annotated[tuple[Power, Power, Power], BeforeValidator(_colour)] = Field(
+        description="W/sr; of a spot along its axis; directional: W/m² on a surface that faces it. One number or three"
+    )
+    position: Place | None = Field(None, description="point, spot: where it is, metres")
+    direction: Place | None = Field(None, description="spot, directional: the way in which it shines")
+    inner_degrees: float = Field(
+        0.0, ge=0, le=89, description="spot: angle from its axis up to which it has its full intensity"
+    )
+    outer_degrees: float = Field(45.0, gt=0, le=90, description="spot: angle beyond which there is no light")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        needed = {"point": ("position",), "spot": ("position", "direction"), "directional": ("direction",)}[self.kind]
+        for name in ("position", "direction"):
+            given = getattr(self, name) is not None
+            if given != (name in needed):
+                words = "a {kind} lamp has no {name}: leave it out" if given else "a {kind} lamp needs a {name}"
+                raise PydanticCustomError("lamp", words, {"kind": self.kind, "name": name})
+        if self.direction is not None and max(map(abs, self.direction)) < 1e-6:
+            raise PydanticCustomError("lamp", "direction must have a length")
+        if self.kind != "spot":
+            if {"inner_degrees", "outer_degrees"} & self.model_fields_set:
+                raise PydanticCustomError("lamp", "inner_degrees and outer_degrees are those of a spot: leave them out")
+        elif self.inner_degrees >= self.outer_degrees:
+            raise PydanticCustomError("lamp", "inner_degrees must be less than outer_degrees")
         return self
 
 
@@ -266,6 +303,9 @@ class SceneSettings(Settings):
     backdrop: SceneBackdropSettings = SceneBackdropSettings()
     shadows: SceneShadowSettings = SceneShadowSettings()
     objects: tuple[SceneObjectSettings, ...] = Field((), max_length=1000, description="what is in the scene")
+    lamps: tuple[SceneLampSettings, ...] = Field(
+        (), max_length=1000, description="igi: points, spots and parallel light, besides those of the scene"
+    )
     sampling: Literal["point", "vertex"] = Field(
         "point", description="light is summed at each visible point, or at vertices and interpolated"
     )
@@ -287,6 +327,8 @@ class SceneSettings(Settings):
             "scene": self.scene is not None,
             "camera.name": self.camera.name is not None,
             "objects.emission": any(any(item.emission) for item in self.objects),
+            "objects.bump": any(item.bump is not None for item in self.objects),
+            "lamps": bool(self.lamps),
         }.items():
             if found:
                 raise PydanticCustomError("scene", "{field} needs method = 'igi'", {"field": field})

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.geometry.mesh import DEFAULT_ALBEDO
-from lightwell.igi.materials import IgiMaterial
 from lightwell.igi.scene import DirectionalLight, IgiObject, PointLight
 from lightwell.io.gltf import GltfObject, hidden_nodes, node_places, read_objects
 from lightwell.io.gltf_check import GltfError, is_shown
@@ -66,14 +65,15 @@ class GltfScene:
         return found.camera
 
 
-def load_gltf_scene(path: str | Path, max_triangles: int = MAX_TRIANGLES) -> GltfScene:
+def load_gltf_scene(path: str | Path, max_triangles: int = MAX_TRIANGLES, *, keep_uv: bool = False) -> GltfScene:
     """Read a scene; files that it names are read from its folder and those below it.
 
     Textures are sampled where surfaces are seen, with the wrap modes of their samplers; colours of vertices multiply
     the base colour. Metallic-roughness becomes `IgiMaterial`'s matte part and Phong lobe. There are holes where MASK
     says so, and where BLEND or transmission let more than half of the light through. A light without end is not
     cut off at its ``range``, and occlusion maps are left out, since occlusion is computed. Skins and morph targets are
-    taken at rest; tangents are those of the file, or follow from texture coordinates.
+    taken at rest; tangents are those of the file, or follow from texture coordinates. Texture coordinates that no
+    texture goes by are left out, but with ``keep_uv`` not the first ones.
 
     Raises
     ------
@@ -81,11 +81,11 @@ def load_gltf_scene(path: str | Path, max_triangles: int = MAX_TRIANGLES) -> Glt
         Whatever is wrong: names the file, what it is, and what would help.
     """
     path = Path(path)
-    return read_gltf_scene(read_mesh_file(path), path.name, path.parent, max_triangles)
+    return read_gltf_scene(read_mesh_file(path), path.name, path.parent, max_triangles, keep_uv=keep_uv)
 
 
 def read_gltf_scene(
-    data: bytes, name: str, folder: Path | None = None, max_triangles: int = MAX_TRIANGLES
+    data: bytes, name: str, folder: Path | None = None, max_triangles: int = MAX_TRIANGLES, *, keep_uv: bool = False
 ) -> GltfScene:
     """Read a scene of a file's bytes; without ``folder`` it must hold everything itself. Raises `MeshError`."""
     suffix = PurePosixPath(name).suffix.lower()
@@ -99,7 +99,7 @@ def read_gltf_scene(
         materials = Materials(document, Pictures(document, data_of, _unused))
         taken: set[str] = set()
         objects = tuple(
-            _object(name, one, unique_title(one.name, taken), materials, data_of)
+            _object(name, one, unique_title(one.name, taken), materials, data_of, keep_uv)
             for one in read_objects(document, data_of, None)
             if len(one.triangles)
         )
@@ -129,7 +129,7 @@ def _unused(pixels: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.fl
     raise AssertionError("textures are sampled where surfaces are seen")
 
 
-def _object(file: str, one: GltfObject, title: str, materials: Materials, data: GltfData) -> IgiObject:
+def _object(file: str, one: GltfObject, title: str, materials: Materials, data: GltfData, keep_uv: bool) -> IgiObject:
     normals = None if one.normals is None else one.normals @ Z_UP.T
     # White is glTF's default; that of a surface without any material is a light paint, as everywhere in Lightwell.
     default = 1.0 if "material" in one.primitive else DEFAULT_ALBEDO
@@ -138,8 +138,11 @@ def _object(file: str, one: GltfObject, title: str, materials: Materials, data: 
     material = materials.material(one.primitive)
     attributes = one.primitive["attributes"]
     count = len(mesh.positions) // one.copies
+    used = {texture.uv_set for texture in material.textures}
+    if keep_uv and "TEXCOORD_0" in attributes:
+        used.add(0)
     try:
-        uv = tuple(np.tile(one_set, (one.copies, 1)) for one_set in _uv(material, attributes, count, data, title))
+        uv = tuple(np.tile(one_set, (one.copies, 1)) for one_set in _uv(used, attributes, count, data, title))
         alpha = vertex_alpha(data, one.primitive) if material.hole_below > 0 else None
         return IgiObject(
             mesh,
@@ -155,11 +158,8 @@ def _object(file: str, one: GltfObject, title: str, materials: Materials, data: 
         raise GltfError(f"{error}; export it again") from None
 
 
-def _uv(
-    material: IgiMaterial, attributes: Mapping[str, Any], count: int, data: GltfData, title: str
-) -> tuple[Singles, ...]:
-    """Return the sets of texture coordinates that textures go by; those that none goes by are zero."""
-    used = {texture.uv_set for texture in material.textures}
+def _uv(used: set[int], attributes: Mapping[str, Any], count: int, data: GltfData, title: str) -> tuple[Singles, ...]:
+    """Return the sets of texture coordinates that are used; the others are zero."""
     sets: list[Singles] = []
     for number in range(max(used, default=-1) + 1):
         name = f"TEXCOORD_{number}"

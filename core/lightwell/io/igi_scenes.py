@@ -15,15 +15,23 @@ from lightwell.geometry.mesh import make_mesh
 from lightwell.geometry.shapes import make_shape
 from lightwell.igi.materials import IgiMaterial
 from lightwell.igi.rendering import IgiRendering
-from lightwell.igi.scene import DirectionalLight, IgiObject, IgiScene
+from lightwell.igi.scene import DirectionalLight, IgiObject, IgiScene, PointLight
 from lightwell.igi.sky import Sky, sky_of_harmonics
+from lightwell.igi.textures import Texture
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.gltf_scene import SCENE_SUFFIXES, GltfScene, load_gltf_scene
+from lightwell.io.heights import read_heights
 from lightwell.io.meshes import Z_UP, load_meshes
 from lightwell.io.scenes import SceneLoader, Server, placed, placed_camera
 from lightwell.render.camera import Camera, overview
 from lightwell.render.light import DistantLight, FieldLight, ModulatedLight, StaticField, SummedLight
-from lightwell.scene_settings import PictureSettings, SceneLightSettings, SceneObjectSettings, SceneSettings
+from lightwell.scene_settings import (
+    PictureSettings,
+    SceneLampSettings,
+    SceneLightSettings,
+    SceneObjectSettings,
+    SceneSettings,
+)
 
 Floats = NDArray[np.float64]
 
@@ -104,7 +112,8 @@ def load_igi_scene(
             f"{where}: picture.samples: is left out; with igi.filter = {settings.igi.filter!r} a pixel is one ray:"
             " render larger and shrink"
         )
-    scene = IgiScene(tuple(objects), () if found is None else found.lamps, sky, field)
+    lamps = (*(found.lamps if found is not None else ()), *map(_lamp, settings.lamps))
+    scene = IgiScene(tuple(objects), lamps, sky, field)
     if _is_dark(scene):
         given = "no [light]" if sky is None else "what [light] names is black"
         remarks.append(
@@ -202,12 +211,41 @@ def _objects(loader: SceneLoader, settings: SceneObjectSettings) -> list[IgiObje
         path = loader.path(settings.mesh)
         try:
             if path.suffix.lower() in SCENE_SUFFIXES:
-                found = [_turned(item, settings) for item in load_gltf_scene(path).objects]
+                scene = load_gltf_scene(path, keep_uv=settings.bump is not None)
+                found = [_turned(item, settings) for item in scene.objects]
             else:
                 found = [IgiObject(mesh, IgiMaterial(specular=0)) for mesh in load_meshes(path, settings.up_axis)]
         except LightwellError as error:
             raise RenderError(f"{loader.where}.mesh: {error}") from None
+    if settings.bump is not None:
+        bump = _bump(loader, settings.bump)
+        found = [_bumpy(loader, item, bump, settings.bump_metres) for item in found]
     return [_finished(item, settings) for item in found]
+
+
+def _bump(loader: SceneLoader, path: Path) -> Texture:
+    try:
+        return Texture(read_heights(loader.path(path)))
+    except LightwellError as error:
+        raise RenderError(f"{loader.where}.bump: {error}") from None
+
+
+def _bumpy(loader: SceneLoader, item: IgiObject, bump: Texture, metres: float) -> IgiObject:
+    if not item.uv:
+        raise RenderError(
+            f"{loader.where}.bump: object {item.mesh.name!r} has no texture coordinates: take a mesh of glTF with some"
+        )
+    return replace(item, material=replace(item.material, normal_texture=None, bump_texture=bump, bump_metres=metres))
+
+
+def _lamp(settings: SceneLampSettings) -> PointLight | DirectionalLight:
+    if settings.kind == "directional":
+        assert settings.direction is not None
+        x, y, z = settings.direction
+        return DirectionalLight((-x, -y, -z), settings.intensity)
+    assert settings.position is not None
+    angles = np.radians([settings.inner_degrees, settings.outer_degrees]).tolist()
+    return PointLight(settings.position, settings.intensity, settings.direction, *angles)
 
 
 def _turned(item: IgiObject, settings: SceneObjectSettings) -> IgiObject:

@@ -15,7 +15,7 @@ from tests.support.gltf_files import File
 
 from lightwell.errors import LightwellError, RenderError
 from lightwell.geometry.shapes import box, plane
-from lightwell.igi import IgiRendering, PointLight, render_igi, sky_of_harmonics
+from lightwell.igi import DirectionalLight, IgiRendering, PointLight, render_igi, sky_of_harmonics
 from lightwell.igi.materials import phong_exponent
 from lightwell.io.exr import read_rgb, write_rgb
 from lightwell.io.glb import encode_glb
@@ -185,6 +185,66 @@ def test_a_recorded_frame_of_another_mapping(folder: Path) -> None:
     )
     with pytest.raises(RenderError, match=r"s\.toml: light\.mapping: .*frame\.exr: "):
         load(folder, light={"file": "frame.exr", "mapping": {"kind": "cube"}})
+
+
+def test_lamps_of_the_scene_file(folder: Path) -> None:
+    lamps = [
+        {"kind": "point", "position": [0, 0, 2], "intensity": 3},
+        {"kind": "spot", "position": [1, 0, 2], "direction": [0, 0, -1], "intensity": [1, 2, 3], "outer_degrees": 30},
+        {"kind": "directional", "direction": [0, 1, -1], "intensity": 0.5},
+    ]
+    point, spot, sun = load(folder, lamps=lamps, objects=[{"shape": "plane"}]).scene.lamps
+    assert point == PointLight((0, 0, 2), (3, 3, 3))
+    assert spot == PointLight((1, 0, 2), (1, 2, 3), (0, 0, -1), 0.0, float(np.radians(30)))
+    assert sun == DirectionalLight((0, -1, 1), (0.5, 0.5, 0.5))
+    floor = [{"shape": "plane", "albedo": 0.8}]
+    shown = shoot(load(folder, lamps=lamps[:1], objects=floor, camera={"position": [0, 0, 4]}), (9, 9))
+    assert shown.colour[4, 4, 0] == pytest.approx(0.8 / np.pi * 3 / 4, rel=0.05)
+    for lamp, message in (
+        ({"kind": "point", "intensity": 1}, r"s\.toml: lamps\[0\] a point lamp needs a position"),
+        (lamps[0] | {"direction": [0, 0, 1]}, "a point lamp has no direction: leave it out"),
+        (lamps[0] | {"outer_degrees": 9}, "those of a spot"),
+        (lamps[1] | {"inner_degrees": 40}, "inner_degrees must be less"),
+        (lamps[2] | {"direction": [0, 0, 0]}, "direction must have a length"),
+        (lamps[2] | {"intensity": -1}, r"intensity\[0\] = -1"),
+    ):
+        with pytest.raises(RenderError, match=message):
+            load(folder, lamps=[lamp])
+    with pytest.raises(RenderError, match="lamps needs method = 'igi'"):
+        load(folder, lamps=lamps, method="harmonics", light={"file": "x.json"})
+
+
+def test_bumps_of_the_scene_file(folder: Path) -> None:
+    ramp = np.tile(np.linspace(0, 65535, 32).astype(np.uint16), (32, 1))
+    cv2.imwrite(str(folder / "ramp.png"), ramp)
+    write_rgb(folder / "ramp.exr", np.repeat((ramp / np.float32(65535))[:, :, None], 3, axis=2))
+    (folder / "bad.png").write_bytes(b"no picture")
+    mesh = {"mesh": str(folder / "floor.glb"), "bump_metres": 0.2}
+    file = File()
+    attributes = {
+        "POSITION": file.add([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]),
+        "TEXCOORD_0": file.add([[0, 1], [1, 1], [1, 0], [0, 0]]),
+    }
+    file.document["meshes"] = [
+        {"name": "floor", "primitives": [{"attributes": attributes, "indices": file.add([0, 1, 2, 0, 2, 3], "<u2")}]}
+    ]
+    (folder / "floor.glb").write_bytes(file.glb())
+    for name in ("ramp.png", "ramp.exr"):
+        picture = shoot(load(folder, objects=[mesh | {"bump": name}], camera={"position": [0, 0, 4]}), (9, 9))
+        assert picture.normal is not None
+        # 0.2 m higher from the first to the last centre of 32 texels, over 2 m along x.
+        slope = 0.1 * 32 / 31
+        np.testing.assert_allclose(picture.normal[4, 4], np.array([-slope, 0, 1]) / np.hypot(slope, 1), atol=1e-4)
+    for bump, message in (
+        ("bad.png", r"s\.toml: objects\[0\]\.bump: bad\.png: is no picture"),
+        ("none.png", "none.png: does not exist"),
+    ):
+        with pytest.raises(RenderError, match=message):
+            load(folder, objects=[mesh | {"bump": bump}])
+    with pytest.raises(RenderError, match="object 'box' has no texture coordinates"):
+        load(folder, objects=[{"shape": "box", "bump": "ramp.png"}])
+    with pytest.raises(RenderError, match=r"objects\.bump needs method = 'igi'"):
+        load(folder, objects=[{"shape": "box", "bump": "x.png"}], method="harmonics", light={"file": "x.json"})
 
 
 def test_no_light_is_a_black_picture_and_is_said(folder: Path) -> None:
