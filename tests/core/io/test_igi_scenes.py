@@ -201,7 +201,7 @@ def test_lamps_of_the_scene_file(folder: Path) -> None:
     shown = shoot(load(folder, lamps=lamps[:1], objects=floor, camera={"position": [0, 0, 4]}), (9, 9))
     assert shown.colour[4, 4, 0] == pytest.approx(0.8 / np.pi * 3 / 4, rel=0.05)
     for lamp, message in (
-        ({"kind": "point", "intensity": 1}, r"s\.toml: lamps\[0\] a point lamp needs a position"),
+        ({"kind": "point", "intensity": 1}, r"s\.toml: lamps\[0\] = .*: a point lamp needs a position"),
         (lamps[0] | {"direction": [0, 0, 1]}, "a point lamp has no direction: leave it out"),
         (lamps[0] | {"outer_degrees": 9}, "those of a spot"),
         (lamps[1] | {"inner_degrees": 40}, "inner_degrees must be less"),
