@@ -55,8 +55,8 @@ def http(url: str) -> Iterator[httpx.Client]:
 
 
 def _slow(**changes: Any) -> dict[str, Any]:
-    """A job of ten seconds and more."""
-    return {"capture": "captures/slow", "resolutions": 48, "checkpoint_seconds": 0.5} | changes
+    """A job of several seconds."""
+    return {"capture": "captures/slow", "resolutions": 32, "checkpoint_seconds": 0.5} | changes
 
 
 def test_a_grid_from_submission_to_sample(client: Lightwell, http: httpx.Client, tmp_path: Path) -> None:
@@ -492,7 +492,7 @@ def test_captures_are_listed_with_what_is_wrong(client: Lightwell, http: httpx.C
 
 
 def test_jobs_go_on_while_the_server_restarts(tmp_path: Path) -> None:
-    make_capture(tmp_path / "captures" / "rig", probes=1500, size=64)
+    make_capture(tmp_path / "captures" / "rig", probes=600, size=48)  # longer than a server takes to start again
     settings = {"capture": "captures/rig", "resolutions": 24, "checkpoint_seconds": 0.2}
     with executor(tmp_path):
         with running_server(tmp_path, jobs={"embedded": False}) as url, Lightwell(url, timeout=60.0) as client:

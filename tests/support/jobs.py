@@ -102,14 +102,14 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def wait_for(condition: Callable[[], Any], what: str, seconds: float = WAIT_SECONDS) -> Any:
-    """Return the first true value of ``condition``."""
+def wait_for(condition: Callable[[], Any], what: str, seconds: float = WAIT_SECONDS, pause: float = 0.05) -> Any:
+    """Return the first true value of ``condition``, which is asked every ``pause`` seconds."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         value = condition()
         if value:
             return value
-        time.sleep(0.05)
+        time.sleep(pause)
     raise AssertionError(f"{what} did not happen within {seconds:.0f} s")
 
 
