@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from lightwell.igi import IgiRendering
     from lightwell.io.scenes import Probe
     from lightwell.render import Rendering
+    from lightwell.scene_settings import SceneSettings
 
 
 @runtime_checkable
@@ -81,23 +82,20 @@ def render(
         Where the scene or what it names cannot be used; names the file, the field and the remedy.
     """
     from lightwell.io.renders import require_format, write_rendering
-    from lightwell.io.scenes import load_scene, read_scene_settings, scene_settings
+    from lightwell.io.scenes import load_scene
     from lightwell.render import render as render_scene
 
     if out is not None:
         require_format(Path(out))
-    if isinstance(scene, Mapping):
-        settings, folder, where = scene_settings(scene), Path(), "scene"
-    else:
-        settings, folder, where = read_scene_settings(Path(scene)), Path(scene).parent, str(scene)
+    settings, folder, where = _settings(scene, size, samples)
     with ServerSources(server, token) as sources:
         loaded = load_scene(settings, folder, sources, where=where, light=None if light is None else _radiance(light))
     picture = loaded.picture
     rendering = render_scene(
         loaded.scene,
         loaded.camera,
-        size or (picture.width, picture.height),
-        samples or picture.samples,
+        (picture.width, picture.height),
+        picture.samples,
         progress,
     )
     if out is not None:
@@ -125,15 +123,10 @@ def render_igi(
     from lightwell.io.igi_renders import write_igi_rendering
     from lightwell.io.igi_scenes import load_igi_scene, meter_rendering
     from lightwell.io.renders import require_format
-    from lightwell.io.scenes import read_scene_settings, scene_settings
 
     if out is not None:
         require_format(Path(out))
-    method = {"method": "igi"}
-    if isinstance(scene, Mapping):
-        settings, folder, where = scene_settings({**scene, **method}), Path(), "scene"
-    else:
-        settings, folder, where = read_scene_settings(Path(scene), method), Path(scene).parent, str(scene)
+    settings, folder, where = _settings(scene, size, samples, method="igi")
     given = None if light is None else _radiance(light)
     with ServerSources(server, token) as sources:
         loaded = load_igi_scene(settings, folder, sources, where=where, light=given)
@@ -143,16 +136,31 @@ def render_igi(
     rendering = render_lights(
         loaded.scene,
         loaded.camera,
-        size or (picture.width, picture.height),
+        (picture.width, picture.height),
         loaded.settings,
         progress,
-        samples=samples or loaded.samples,
+        samples=loaded.samples,
     )
     if out is not None:
         ev = meter_rendering(rendering) if picture.ev is None else picture.ev
         mapped = picture.tone_mapping == "neutral"
         write_igi_rendering(Path(out), rendering, ev, tone_mapping=mapped, backdrop=loaded.has_backdrop)
     return rendering
+
+
+def _settings(
+    scene: str | Path | Mapping[str, Any], size: tuple[int, int] | None, samples: int | None, **changes: str
+) -> tuple[SceneSettings, Path, str]:
+    """Return what a scene says, where its paths begin, and its name in errors."""
+    from lightwell.io.scenes import read_scene_settings, scene_settings
+
+    picture = {} if size is None else {"width": size[0], "height": size[1]}
+    if samples is not None:
+        picture["samples"] = samples
+    found = {"picture": picture, **changes}
+    if isinstance(scene, Mapping):
+        return scene_settings(scene, changes=found), Path(), "scene"
+    return read_scene_settings(Path(scene), found), Path(scene).parent, str(scene)
 
 
 class ServerSources:

@@ -81,8 +81,9 @@ def test_virtual_point_lights(scene: Path) -> None:
     np.testing.assert_allclose(pixels[covered].mean(), 0.5, rtol=0.03)  # albedo times radiance
     np.testing.assert_allclose(pixels[0, 0], 1, rtol=1e-4)  # the sky behind
     for arguments, message in {
-        (*few, "--light", "x.exr", "--stream", "hall"): "--light and --stream: give one of them",
-        (*few, "--frame", "1"): "--frame: is that of a recording: name it by --light",
+        (*few, "--light", "x.exr", "--stream", "hall"): f"{scene}: light = ",
+        (*few, "--frame", "1"): f"{scene}: light.file: light.json: has no frame 1",
+        (*few, "--stream="): f"{scene}: light.stream = '': ",
         (*few, "--light", "x.exr"): f"{scene}: light.file: ",
         ("--sets", "2x2"): "--sets, --vpls and --coefficients: add --method igi",
         ("--method", "igi", "--sets", "99x1"): f"{scene}: igi.sets[0] = 99: ",
@@ -95,7 +96,7 @@ def test_virtual_point_lights(scene: Path) -> None:
 def test_a_model_without_camera_and_light(scene: Path) -> None:
     model, out = scene.parent / "model.glb", scene.parent / "x.exr"
     model.write_bytes(encode_glb([box(albedo=0.7)]))
-    few = "--sets", "2x2", "--vpls", "256", "--size", "24x16", "--out", str(out)
+    few = "--sets", "2x2", "--vpls", "256", "--size", "16x48", "--out", str(out)
     dark = lightwell(str(model), *few)
     assert dark.returncode == 0
     assert "has no camera: all of it is shown" in dark.stderr
@@ -104,7 +105,8 @@ def test_a_model_without_camera_and_light(scene: Path) -> None:
     lit = lightwell(str(model), *few, "--light", str(scene.parent / "light.json"), "--frame", "-1")
     assert (lit.returncode, "there is no light" in lit.stderr) == (0, False)
     pixels = read_rgb(out).pixels
-    np.testing.assert_allclose(pixels[8, 12], 0.7, rtol=0.1)
+    np.testing.assert_allclose(pixels[24, 8], 0.7, rtol=0.1)
+    np.testing.assert_allclose(pixels[:, [0, -1]], 1, rtol=1e-3)  # all of it is shown, beside it the sky
 
 
 def test_interrupting_leaves_nothing_behind(scene: Path) -> None:
@@ -212,6 +214,11 @@ def test_virtual_point_lights_in_python(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_rgb(tmp_path / "x.exr").pixels, picture.colour)
     assert tiles == [(1, 1)]
     np.testing.assert_allclose(picture.colour[0, 0], 1, rtol=1e-5)
+    (tmp_path / "model.glb").write_bytes(encode_glb([box()]))
+    with pytest.warns(UserWarning, match="has no camera: all of it is shown"):
+        shown = render_igi(tmp_path / "model.glb", light=light, size=(8, 24), samples=1).coverage
+    assert set(np.unique(shown)) == {0, 1}
+    assert not shown[:, [0, -1]].any()
     with pytest.warns(UserWarning, match="scene: there is no light"):
         assert not render_igi(document, size=(4, 3)).colour.any()
     with pytest.raises(LightwellError, match="call render_igi"):

@@ -110,8 +110,10 @@ class LoadedScene:
     """Exposure; metered where the file does not say."""
 
 
-def read_scene_settings(path: Path, changes: Mapping[str, Any] | None = None) -> SceneSettings:
-    """Read a scene file; ``changes`` are put over what it says, tables over tables.
+def read_scene_settings(
+    path: Path, changes: Mapping[str, Any] | None = None, light: Mapping[str, Any] | None = None
+) -> SceneSettings:
+    """Read a scene file; ``changes`` and ``light`` as of `scene_settings`.
 
     A glTF file stands for a scene for igi that holds nothing else.
 
@@ -121,7 +123,7 @@ def read_scene_settings(path: Path, changes: Mapping[str, Any] | None = None) ->
         With one line for each mistake: file, field, value, remedy.
     """
     if path.suffix.lower() in (".glb", ".gltf"):
-        return scene_settings(_changed({"method": "igi", "scene": path.name}, changes or {}), str(path))
+        return scene_settings({"method": "igi", "scene": path.name}, str(path), changes, light)
     try:
         if path.stat().st_size > MAX_SCENE_BYTES:
             raise RenderError(f"{path}: is larger than {MAX_SCENE_BYTES >> 20} MiB: this is no scene file")
@@ -132,7 +134,7 @@ def read_scene_settings(path: Path, changes: Mapping[str, Any] | None = None) ->
         raise RenderError(f"{path}: cannot be read: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise RenderError(f"{path}: is not valid TOML: {error}") from None
-    return scene_settings(_changed(document, changes or {}), str(path))
+    return scene_settings(document, str(path), changes, light)
 
 
 def _changed(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -144,10 +146,20 @@ def _changed(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[st
     return changed
 
 
-def scene_settings(document: Mapping[str, Any], where: str = "scene") -> SceneSettings:
-    """Return checked settings; raises as `read_scene_settings`."""
+def scene_settings(
+    document: Mapping[str, Any],
+    where: str = "scene",
+    changes: Mapping[str, Any] | None = None,
+    light: Mapping[str, Any] | None = None,
+) -> SceneSettings:
+    """Return checked settings; raises as `read_scene_settings`.
+
+    ``changes`` are put over what the scene says, tables over tables; ``light``, where it is given, in place of the
+    scene's whole table of that name.
+    """
+    changed = _changed(document, changes or {}) | ({} if light is None else {"light": light})
     try:
-        return SceneSettings.model_validate(document)
+        return SceneSettings.model_validate(changed)
     except ValidationError as error:
         lines = [
             f"{where}: {' '.join(filter(None, (_field(item['loc']), complaint(item))))}" for item in error.errors()

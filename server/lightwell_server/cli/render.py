@@ -42,7 +42,9 @@ def render(
     frame: int | None = typer.Option(
         None, help="Which frame of the recording, from 0, or from the end where negative; lines: the last by default."
     ),
-    stream: str | None = typer.Option(None, help="Stream of the server: its newest frame is the light."),
+    stream: str | None = typer.Option(
+        None, help="Stream of the server: its newest frame is the light; of recorded lines: which stream."
+    ),
     sets: str | None = typer.Option(None, metavar="NxM", help="igi: sets of virtual lights, interleaved so."),
     vpls: int | None = typer.Option(None, min=1, help="igi: virtual lights, all sets together."),
     coefficients: bool = typer.Option(False, "--coefficients", help="igi: also write incident radiance to the EXR."),
@@ -54,43 +56,38 @@ def render(
     """Render SCENE: objects lit by a probe, by a stream's last frame or by a grid, with igi also by lamps."""
     from lightwell.io.renders import require_format
     from lightwell.io.scenes import read_scene_settings
-    from lightwell.scene_settings import SceneLightSettings
 
     for path in out:
         require_format(path)
-    pixels = None if size is None else _size(size)
-    igi = {key: value for key, value in (("sets", sets), ("vpls", vpls)) if value is not None}
-    changes: dict[str, Any] = {"igi": igi} if igi else {}
-    if method is not None:
-        changes["method"] = method.value
-    if samples is not None:
-        changes["picture"] = {"samples": samples}
-    if frame is not None and light is None:
-        _refuse("--frame", "is that of a recording: name it by --light")
-    if light is not None or stream is not None:
-        if light is not None and stream is not None:
-            _refuse("--light and --stream", "give one of them")
-        # No table, so that nothing of the scene's own light is left.
-        recorded = None if light is None else light.resolve()
-        changes["light"] = SceneLightSettings(file=recorded, stream=stream, frame=frame)
-    settings = read_scene_settings(scene, changes)
+    width, height = (None, None) if size is None else _size(size)
+    igi = _given(sets=sets, vpls=vpls)
+    changes = _given(method=method and method.value, igi=igi)
+    changes["picture"] = _given(width=width, height=height, samples=samples, ev=ev)
+    lit_by = _given(file=light and light.resolve(), stream=stream, frame=frame)
+    if light is None and stream is None and lit_by:
+        # Of the scene's own recording.
+        changes["light"], lit_by = lit_by, {}
+    settings = read_scene_settings(scene, changes, lit_by or None)
     if settings.method == "igi":
         if coefficients:
             layers = tuple(dict.fromkeys((*settings.igi.layers, "coefficients")))
             settings = settings.model_copy(update={"igi": settings.igi.model_copy(update={"layers": layers})})
-        render_by_lights(settings, scene, out, pixels, ev, server, token, json)
+        render_by_lights(settings, scene, out, server, token, json)
         return
     if igi or coefficients:
         _refuse("--sets, --vpls and --coefficients", "add --method igi")
-    _render_by_harmonics(settings, scene, out, pixels, ev, server, token, json)
+    _render_by_harmonics(settings, scene, out, server, token, json)
+
+
+def _given(**values: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return those options that are given."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _render_by_harmonics(
     settings: SceneSettings,
     scene: Path,
     out: list[Path],
-    size: tuple[int, int] | None,
-    ev: float | None,
     server: str,
     token: str | None,
     json: bool,
@@ -100,10 +97,9 @@ def _render_by_harmonics(
     from lightwell.render import render as render_scene
     from lightwell_client.rendering import ServerSources
 
-    pixels = size or (settings.picture.width, settings.picture.height)
+    pixels = settings.picture.width, settings.picture.height
     with ServerSources(server, token) as sources, quiet_libraries():
         loaded = load_scene(settings, scene.parent, sources, where=str(scene), shadows=False)
-    exposure = loaded.ev if ev is None else ev
     rays = settings.picture.samples
     started = time.monotonic()
     if settings.shadows.mode != "none":
@@ -113,14 +109,14 @@ def _render_by_harmonics(
         rendering = render_scene(loaded.scene, loaded.camera, pixels, rays, report)
     seconds = time.monotonic() - started
     for path in out:
-        write_rendering(path, rendering, exposure, tone_mapping=settings.picture.tone_mapping == "neutral")
+        write_rendering(path, rendering, loaded.ev, tone_mapping=settings.picture.tone_mapping == "neutral")
     summary = {
         "out": [{"path": str(path), "bytes": path.stat().st_size} for path in out],
         "width": pixels[0],
         "height": pixels[1],
         "samples": rays,
         "seconds": round(seconds, 3),
-        "ev": exposure,
+        "ev": loaded.ev,
         "bands": loaded.scene.light.bands,
         "objects": len(loaded.scene.objects),
         "triangles": _triangles(loaded),
@@ -134,7 +130,7 @@ def _render_by_harmonics(
         print(path)
     typer.echo(
         f"{pixels[0]}×{pixels[1]}, {rays}² rays a pixel, {summary['triangles']} triangles, {seconds:.1f} s, "
-        f"exposure {exposure:+.2f} EV",
+        f"exposure {loaded.ev:+.2f} EV",
         err=True,
     )
 

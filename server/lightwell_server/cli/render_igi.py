@@ -24,8 +24,6 @@ def render_by_lights(
     settings: SceneSettings,
     scene: Path,
     out: list[Path],
-    size: tuple[int, int] | None,
-    ev: float | None,
     server: str,
     token: str | None,
     json: bool,
@@ -42,7 +40,7 @@ def render_by_lights(
     from lightwell.io.igi_scenes import load_igi_scene, meter_rendering
     from lightwell_client.rendering import ServerSources
 
-    pixels = size or (settings.picture.width, settings.picture.height)
+    pixels = settings.picture.width, settings.picture.height
     with ServerSources(server, token) as sources, quiet_libraries():
         loaded = load_igi_scene(settings, scene.parent, sources, where=str(scene))
     for remark in loaded.remarks:
@@ -53,8 +51,7 @@ def render_by_lights(
             loaded.scene, loaded.camera, pixels, loaded.settings, report, check, samples=loaded.samples
         )
     seconds = time.monotonic() - started
-    exposure = settings.picture.ev if ev is None else ev
-    exposure = meter_rendering(rendering) if exposure is None else exposure
+    exposure = meter_rendering(rendering) if settings.picture.ev is None else settings.picture.ev
     mapped = settings.picture.tone_mapping == "neutral"
     for path in out:
         write_igi_rendering(path, rendering, exposure, tone_mapping=mapped, backdrop=loaded.has_backdrop)
