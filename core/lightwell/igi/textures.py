@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,11 +92,11 @@ class Texture:
         return found
 
     def _halved(self, pixels: Singles | NDArray[np.uint8]) -> Singles | NDArray[np.uint8]:
-        """Return the means over 2 × 2 texels, of linear light; the last row and column of odd sizes are doubled."""
-        even = np.pad(pixels, [(0, pixels.shape[0] % 2), (0, pixels.shape[1] % 2), (0, 0)], mode="edge")
-        if even.dtype == np.uint8:
-            return np.asarray(_ENCODED[self.encoding][_sums_of_four(_FINE[self.encoding][even]) >> 2], np.uint8)
-        return np.asarray(_sums_of_four(even) / 4, np.float32)
+        """Return the means, of linear light, over 2 × 2 texels, and a little more where the size is odd."""
+        if pixels.dtype != np.uint8:
+            return _pairs(_pairs(np.asarray(pixels, np.float32), 0), 1)
+        means = _pairs(_pairs(_FINE[self.encoding][pixels], 0), 1)
+        return np.asarray(_ENCODED[self.encoding][means.astype(np.uint16)], np.uint8)
 
     def _bilinear(self, pixels: Singles | NDArray[np.uint8], u: NDArray[np.float64], v: NDArray[np.float64]) -> Singles:
         height, width, _ = pixels.shape
@@ -150,9 +150,7 @@ _DECODED: dict[Encoding, Singles] = {
     "srgb": linear_from_srgb(np.arange(256) / 255),
 }
 """Values of bytes."""
-_FINE: dict[Encoding, NDArray[np.uint32]] = {
-    name: np.round(values * np.float32(0xFFFF)).astype(np.uint32) for name, values in _DECODED.items()
-}
+_FINE: dict[Encoding, Singles] = {name: np.round(values * np.float32(0xFFFF)) for name, values in _DECODED.items()}
 """The same, 65,535 for 1."""
 _HALVES = (np.arange(255) + 0.5) / 255
 _ENCODED: dict[Encoding, NDArray[np.uint8]] = {
@@ -162,9 +160,19 @@ _ENCODED: dict[Encoding, NDArray[np.uint8]] = {
 """The other way round."""
 
 
-def _sums_of_four(values: NDArray[Any]) -> NDArray[Any]:
-    rows = values[::2] + values[1::2]
-    return np.asarray(rows[:, ::2] + rows[:, 1::2])
+def _pairs(values: Singles, axis: int) -> Singles:
+    """Return the means of pairs along an axis; of odd lengths 2m + 1, m means over 2 + 1/m each."""
+    size = values.shape[axis]
+    if size == 1:
+        return values
+    x = np.moveaxis(values, axis, 0)
+    if size % 2 == 0:
+        means = (x[::2] + x[1::2]) * np.float32(0.5)
+    else:
+        half = size // 2
+        k = np.arange(half, dtype=np.float32)[:, None, None]
+        means = ((half - k) * x[:-1:2] + np.float32(half) * x[1::2] + (k + 1) * x[2::2]) / np.float32(size)
+    return np.asarray(np.moveaxis(means, 0, axis), np.float32)
 
 
 def _texels(place: NDArray[np.float64], size: int, wrap: Wrap) -> tuple[NDArray[np.int64], NDArray[np.int64], Singles]:

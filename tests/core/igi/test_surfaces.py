@@ -191,6 +191,14 @@ def test_wide_rays_see_means_of_linear_light() -> None:
     for transform in (None, np.array([[0.5, 0, 0.1], [0, 0.5, 0.2]])):
         texture = Texture(smooth.astype(np.float32), ("clamp", "clamp"), transform=transform)
         np.testing.assert_allclose(texture.at(uv, np.full(50, 4 / 63, np.float32)), texture.at(uv), atol=0.12)
+    # Whatever the size, each texel counts alike in what is far away.
+    for shape in ((1, 5), (3, 129), (37, 20), (1025, 7)):
+        for edge in (0, -1):
+            lines = np.zeros((*shape, 1), np.float32)
+            lines[:, edge] = 1
+            for texture in (Texture(lines), Texture((255 * lines).astype(np.uint8))):
+                far = texture.at(uv[:1], np.full(1, 1e6, np.float32))
+                np.testing.assert_allclose(far, 1 / shape[1], atol=1e-6 if texture.pixels.dtype == np.float32 else 0.02)
     # Each point by itself, to the last bit.
     widths = np.geomspace(0.001, 1, 50).astype(np.float32)
     apart = [texture.at(uv[k : k + 1], widths[k : k + 1])[0] for k in range(50)]
