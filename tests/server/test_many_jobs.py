@@ -10,7 +10,7 @@ import pytest
 from tests.support.jobs import executor, make_capture, wait_for
 from tests.support.server import running_server
 
-from lightwell.job_settings import JobsSettings
+from lightwell.job_settings import JobKind, JobsSettings
 from lightwell_client import Lightwell
 from lightwell_workers.jobs.queue import Queue
 
@@ -26,13 +26,13 @@ def test_each_unique_submission_runs_once(tmp_path: Path) -> None:
     def submit(client_index: int) -> list[str]:
         with Lightwell(url, timeout=60.0) as client:
             return [
-                client.submit("capture-reduce" if number % 10 else "ilf-grid", _settings(number), key=f"key {number}").id
+                client.submit(*_job(number), key=f"key {number}").id
                 for number in (index % KEYS for index in range(client_index, SUBMISSIONS, CLIENTS))
             ]
 
-    def _settings(number: int) -> dict[str, object]:
+    def _job(number: int) -> tuple[JobKind, dict[str, object]]:
         # A grid has three times the steps: a tenth of the jobs shows that kinds mix.
-        return {"capture": "captures/tiny"} if number % 10 else settings
+        return ("capture-reduce", {"capture": "captures/tiny"}) if number % 10 else ("ilf-grid", settings)
 
     with running_server(tmp_path, jobs={"embedded": False}) as url, executor(tmp_path):
         with ThreadPoolExecutor(CLIENTS) as pool:
