@@ -245,7 +245,6 @@ class IgiLightSettings(Settings):
     )
     coefficients: tuple[tuple[Coefficient, Coefficient, Coefficient], ...] | None = Field(
         None,
-        min_length=1,
         max_length=121,
         description="bands² rows of red, green, blue: what the stream showed; the server fills that in",
     )
@@ -259,9 +258,10 @@ class IgiLightSettings(Settings):
             raise PydanticCustomError(
                 "light", "give map, frames, stream or field, not {named}", {"named": " and ".join(named)}
             )
-        if self.coefficients is not None and math.isqrt(len(self.coefficients)) ** 2 != len(self.coefficients):
+        rows = 0 if self.coefficients is None else len(self.coefficients)
+        if self.coefficients is not None and (rows == 0 or math.isqrt(rows) ** 2 != rows):
             words = "coefficients must be bands² rows (1, 4, 9, 16, 25, …), not {found}"
-            raise PydanticCustomError("light", words, {"found": len(self.coefficients)})
+            raise PydanticCustomError("light", words, {"found": rows})
         if self.frame is not None and self.frames is None:
             raise PydanticCustomError("light", "frame is one of those that frames names: give frames")
         if self.grid is not None and (self.frames is not None or self.field is not None):

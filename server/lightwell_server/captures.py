@@ -103,6 +103,7 @@ class Captures:
         """
         try:
             directory = (self._data_dir / path).resolve()
+            directory.exists()  # raises where no file can have such a name
         except (OSError, ValueError, RuntimeError):
             raise CaptureRefusedError(f"{path!r} is no usable path") from None
         if not any(directory.is_relative_to(root) for root in self.roots):

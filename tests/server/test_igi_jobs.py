@@ -150,12 +150,14 @@ def test_uploads_and_paths_are_checked_before_the_job_is_taken(api: httpx.Client
     (data / "captures").mkdir(exist_ok=True)
     (data / "captures" / "hall.jsonl").write_text('{"coefficients": [[1, 1, 1]], "capture_time_ns": 5}\n{"torn": 1}\n')
     cases: list[tuple[dict[str, Any], int, str]] = [
-        ({"scene": mesh}, 422, "camera"),
+        ({"scene": mesh}, 200, "fits"),  # all of it is shown
         ({"scene": sky, "camera": AT}, 422, "light map"),
         ({"scene": mesh, "camera": AT, "light": {"map": mesh}}, 422, "is the mesh"),
         ({"scene": mesh, "camera": AT, "light": {"map": "../sky.exr"}}, 403, "data roots"),
         ({"scene": mesh, "camera": AT, "light": {"frames": "/etc/*.exr"}}, 403, "data roots"),
         ({"scene": mesh, "camera": AT, "light": {"frames": "scenes/no*.exr"}}, 422, "matches no file"),
+        ({"scene": mesh, "camera": AT, "light": {"frames": f"scenes/{'x' * 300}.mp4"}}, 403, "no usable path"),
+        ({"scene": mesh, "camera": AT, "light": {"grid": []}}, 422, "must have at least 1 values"),
         ({"scene": mesh, "camera": AT, "light": {"grid": "nojob.grid"}}, 422, "no grid"),
         ({"scene": mesh, "camera": AT, "light": {"stream": "none"}}, 404, "none"),
         ({"scene": mesh, "camera": AT, "light": {"frames": "captures/hall.jsonl"}}, 422, "hall.jsonl: line 2"),

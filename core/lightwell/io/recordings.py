@@ -12,6 +12,7 @@ coefficients                       lines of ``lightwell watch STREAM --json``   
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -145,11 +146,12 @@ def open_recording(named: str, video: VideoSettings | None = None, stream: str |
 
 
 def read_recorded_picture(
-    path: Path, number: int | None, video: VideoSettings | None = None
+    path: Path, number: int | None, video: VideoSettings | None = None, check: Callable[[], None] | None = None
 ) -> NDArray[np.float16] | NDArray[np.float32]:
     """Return one picture of `Recording.pictures`, ``(H, W, 3)`` linear Rec. 709.
 
-    Videos are decoded from their beginning, and go on from the picture that was read last.
+    Videos are decoded from their beginning, and go on from the picture that was read last; ``check`` is called with
+    each picture on the way, and may raise.
 
     Raises
     ------
@@ -162,7 +164,7 @@ def read_recorded_picture(
         state = path.stat()
     except OSError as error:
         raise FrameError(path.name, f"cannot be read: {error.strerror}") from None
-    return _frames(str(path), state.st_mtime_ns, state.st_size, video or VideoSettings()).read(number)
+    return _frames(str(path), state.st_mtime_ns, state.st_size, video or VideoSettings()).read(number, check)
 
 
 def _lines(path: Path, stream: str | None) -> Recording:
@@ -241,7 +243,7 @@ class _Frames:
         self._shown: tuple[int, NDArray[np.float32]] | None = None
         self._next = 0
 
-    def read(self, number: int) -> NDArray[np.float32]:
+    def read(self, number: int, check: Callable[[], None] | None) -> NDArray[np.float32]:
         with self._lock:
             if self._shown is not None and self._shown[0] == number:
                 return self._shown[1]
@@ -251,6 +253,8 @@ class _Frames:
             for item in self._items:
                 self._next += 1
                 if self._next <= number:
+                    if check is not None:
+                        check()
                     continue
                 if isinstance(item, LightwellError):
                     raise item

@@ -59,6 +59,13 @@ def test_pictures_of_a_video_are_read_in_any_order(folder: Path) -> None:
     assert (recording.count, recording.remarks) == (4, ())
     assert recording.times is not None
     np.testing.assert_allclose(recording.times, [0, 0.1, 0.2, 0.3], atol=1e-6)
+
+    def stop() -> None:
+        raise InterruptedError
+
+    # On the way to a frame one may stop, and go on.
+    with pytest.raises(InterruptedError):
+        read_recorded_picture(*recording.pictures[3], LINEAR, stop)
     for number in (2, 3, 0, 1, 1, 3):
         pixels = read_recorded_picture(*recording.pictures[number], LINEAR)
         np.testing.assert_allclose(pixels, CODES[number] / 255, atol=1e-5)

@@ -37,7 +37,7 @@ from lightwell_workers.jobs.igi_plan import estimate
 from lightwell_workers.jobs.kinds import load_kind
 from lightwell_workers.jobs.queue import Queue
 from lightwell_workers.jobs.roots import data_roots
-from lightwell_workers.jobs.workflow import Runner
+from lightwell_workers.jobs.workflow import PREPARE, Runner
 
 SCENE = """
 method = "igi"
@@ -230,14 +230,53 @@ def test_jobs_read_nothing_outside_the_data_roots(tmp_path: Path, folder: Path) 
     context.results.mkdir(parents=True)
     for scene, light, words in (
         ("far.toml", {}, r"far\.toml: objects\[2\]: .*ball\.glb: lies outside the folders"),
-        ("near.toml", {"frames": str(data / "captures" / "hall")}, r"light\.frames: 0\.exr: is a link out of"),
+        (
+            "near.toml",
+            {"frames": str(data / "captures" / "hall")},
+            r"light\.frames: 0\.exr: lies outside the data roots",
+        ),
+        (
+            "near.toml",
+            {"map": str(data / "captures" / "hall" / "0.exr")},
+            r"light\.map: 0\.exr: lies outside the data roots",
+        ),
     ):
         settings = IgiRenderSettings.model_validate({"scene": str(data / "scenes" / scene), "light": light})
         with pytest.raises(LightwellError, match=words):
             load_kind("igi-render").prepare(settings, context)
+        # Nor does the server, to say what a job would need.
+        with pytest.raises(LightwellError, match=words):
+            load_kind("igi-render").estimate(settings, roots)
     runner = Runner(JobsSettings(), data / "jobs")
     runner.close()
     assert runner.roots == roots
+
+
+def test_a_job_shows_the_recording_of_when_it_began(tmp_path: Path, folder: Path) -> None:
+    """Coefficients are kept; a picture or a video that changes before its turn comes ends the job."""
+    recorded, sky = tmp_path / "r.jsonl", tmp_path / "sky.exr"
+    recorded.write_text('{"coefficients": [[1, 1, 1]]}\n')
+    write_rgb(sky, np.ones((8, 16, 3), np.float32))
+    small = {"scene": str(folder / "unlit.toml"), "width": 12, "height": 8}
+    runner = Runner(JobsSettings(data_roots=(tmp_path, folder)), tmp_path / "jobs")
+
+    def step(job: str, named: Path, index: int) -> int:
+        document = IgiRenderSettings.model_validate(small | {"light": {"frames": str(named)}}).model_dump(mode="json")
+        return runner._run(job, "igi-render", document, index, threading.Event())
+
+    steps = step("of-lines", recorded, PREPARE)
+    recorded.unlink()
+    for index in range(steps + 1):
+        step("of-lines", recorded, index)
+    assert JobDirectory(tmp_path / "jobs", "of-lines").manifest.is_file()
+    step("of-pictures", sky, PREPARE)
+    write_rgb(sky, np.full((8, 16, 3), 2.0, np.float32))
+    with pytest.raises(LightwellError, match=r"light\.frames: sky\.exr: has changed since the job began: submit"):
+        step("of-pictures", sky, 0)
+    sky.unlink()
+    with pytest.raises(LightwellError, match=r"light\.frames: sky\.exr: cannot be read: No such file"):
+        step("of-pictures", sky, 0)
+    runner.close()
 
 
 def test_a_damaged_frame_is_named(tmp_path: Path, folder: Path) -> None:
@@ -301,6 +340,7 @@ def test_what_cannot_be_rendered_is_said(tmp_path: Path, folder: Path) -> None:
         ("lit.toml", {"light": {"frames": str(folder / "none.*.exr")}}, "matches no file"),
         ("lit.toml", {"light": {"grid": "no.such-grid"}}, "no grid"),
         ("lit.toml", {"frames": 3}, "nothing changes from picture to picture"),
+        ("lit.toml", {"light": {"coefficients": [[1, 1, 1]]}}, r"light\.coefficients: .*give light\.stream"),
     ]
     for number, (scene, settings, words) in enumerate(refused):
         with pytest.raises(LightwellError, match=words):
@@ -310,6 +350,7 @@ def test_what_cannot_be_rendered_is_said(tmp_path: Path, folder: Path) -> None:
         ({"light": {"frames": "a.mp4", "stream": "b"}}, "not frames and stream"),
         ({"light": {"map": "a.exr", "frame": 3}}, "give frames"),
         ({"light": {"stream": "hall", "coefficients": [[1, 1, 1]] * 3}}, "bands² rows"),
+        ({"light": {"stream": "hall", "coefficients": []}}, "bands² rows"),
         ({"camera": {"position": [0, 0, 0.5], "target": [0, 0, 0.5]}}, "must differ"),
         ({"camera": {"position": [0, 0, 0.5], "up": [0, 0, 0]}}, "up must have a length"),
         ({"camera": {"target": [0, 0, 1], "fov_degrees": 50}}, "has target, fov_degrees but no position"),

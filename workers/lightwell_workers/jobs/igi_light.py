@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +30,8 @@ class Shown(NamedTuple):
     """Path of a recorded picture or a video, or `COEFFICIENTS`."""
     number: int | None
     """Which frame of the video, or which row; None: the picture is the whole file."""
+    changed_ns: int
+    """When the file was changed last: what the job shows does not depend on when a picture's turn comes."""
 
 
 def recording_of(light: IgiLightSettings) -> Recording | None:
@@ -55,39 +58,44 @@ class LightSize(NamedTuple):
     """Of the map or the first recorded picture."""
 
 
-def light_size(settings: IgiRenderSettings) -> LightSize:
+def light_size(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -> LightSize:
     """Return how much light there is; kept for as long as its file is the same.
 
     Raises
     ------
     JobError
-        Where it cannot be used, or has no ``light.frame``.
+        Where it cannot be used, has no ``light.frame``, or lies outside ``roots``.
     """
     light = settings.light
     named = light.map if light.frames is None else light.frames
     if named is None:
         return LightSize(1, 0)
-    found = Path(named) if Path(named).exists() else Path(named).parent
     try:
+        found = Path(named) if Path(named).exists() else Path(named).parent
         state = found.stat()
         version = (state.st_mtime_ns, state.st_size)
     except OSError:
         version = (0, 0)
     used = light.model_dump_json(include={"map", "frames", "frame", "stream", "video", "mapping"})
-    return _light_size(used, version, settings.fps)
+    return _light_size(used, version, settings.fps, None if roots is None else tuple(roots))
 
 
 @lru_cache(maxsize=64)
-def _light_size(light: str, version: tuple[int, int], fps: float) -> LightSize:
+def _light_size(light: str, version: tuple[int, int], fps: float, roots: tuple[Path, ...] | None) -> LightSize:
     del version
     settings = IgiLightSettings.model_validate_json(light)
     recording = recording_of(settings)
     if recording is None:
-        return LightSize(1, _read(settings, Path(str(settings.map)), None, "light.map").pixels.size)
+        path = Path(str(settings.map))
+        _require_inside(path, roots, "light.map")
+        return LightSize(1, _read(settings, path, None, "light.map").pixels.size)
     first = 0 if settings.frame is None else _frame(recording, settings.frame)
     texels = 0
     if recording.pictures:
-        texels = _read(settings, *recording.pictures[first], "light.frames").pixels.size
+        path, number = recording.pictures[first]
+        _require_inside(path, roots)
+        # All frames of a video are of one size, and its first is there at once.
+        texels = _read(settings, path, None if number is None else 0, "light.frames").pixels.size
     return LightSize(recording.film_length(fps), texels)
 
 
@@ -96,6 +104,11 @@ def _frame(recording: Recording, number: int) -> int:
         return recording.frame(number)
     except LightwellError as error:
         raise JobError(f"light.frame: {error}") from None
+
+
+def _require_inside(path: Path, roots: Sequence[Path] | None, field: str = "light.frames") -> None:
+    if roots is not None and not any(path.resolve().is_relative_to(root) for root in roots):
+        raise JobError(f"{field}: {path.name}: lies outside the data roots, links followed: put the file itself there")
 
 
 def assign(settings: IgiRenderSettings, recording: Recording, count: int, context: JobContext) -> list[Shown]:
@@ -112,29 +125,48 @@ def assign(settings: IgiRenderSettings, recording: Recording, count: int, contex
         moments = np.full(count, float(_frame(recording, settings.light.frame)))
     if recording.coefficients is None:
         shown = [recording.pictures[int(moment)] for moment in moments]
-        for path in {path for path, _ in shown}:
-            if context.roots is not None and not any(path.resolve().is_relative_to(root) for root in context.roots):
-                raise JobError(f"light.frames: {path.name}: is a link out of the data roots; put the file itself there")
-        return [Shown(str(path), number) for path, number in shown]
+        files = sorted({path for path, _ in shown})
+        for path in files:
+            _require_inside(path, context.roots)
+        changed = {path: _changed_ns(path) for path in files}
+        return [Shown(str(path), number, changed[path]) for path, number in shown]
     different, rows = np.unique(moments, return_inverse=True)
     file = io.BytesIO()
     np.save(file, np.stack([recording.light_at(float(moment)) for moment in different]))
     write_atomically(context.work / COEFFICIENTS, file.getvalue())
-    return [Shown(COEFFICIENTS, int(row)) for row in rows]
+    return [Shown(COEFFICIENTS, int(row), 0) for row in rows]
 
 
-def read_sky(light: IgiLightSettings, shown: Shown, work: Path) -> Sky:
-    """Return the light of a picture; raises `JobError` that names the frame where it cannot be read."""
+def _changed_ns(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError as error:
+        raise JobError(f"light.frames: {path.name}: cannot be read: {error.strerror}") from None
+
+
+def read_sky(light: IgiLightSettings, shown: Shown, work: Path, check: Callable[[], None]) -> Sky:
+    """Return the light of a picture; ``check`` is called often, as there may be much of a video before its frame.
+
+    Raises
+    ------
+    JobError
+        Names the frame where it cannot be read, or has changed since the job began.
+    """
     if shown.source == COEFFICIENTS:
         assert shown.number is not None
         return sky_of_harmonics(light.gain * np.load(work / COEFFICIENTS, mmap_mode="r")[shown.number])
-    return _read(light, Path(shown.source), shown.number, "light.frames")
+    path = Path(shown.source)
+    if _changed_ns(path) != shown.changed_ns:
+        raise JobError(f"light.frames: {path.name}: has changed since the job began: submit it again")
+    return _read(light, path, shown.number, "light.frames", check)
 
 
-def _read(light: IgiLightSettings, path: Path, number: int | None, field: str) -> Sky:
-    """Return a picture as a sky; raises `JobError`."""
+def _read(
+    light: IgiLightSettings, path: Path, number: int | None, field: str, check: Callable[[], None] | None = None
+) -> Sky:
+    """Return a picture as a sky; raises `JobError`, and what ``check`` raises."""
     try:
-        return sky_of_picture(read_recorded_picture(path, number, light.video), light.mapping, light.gain)
+        return sky_of_picture(read_recorded_picture(path, number, light.video, check), light.mapping, light.gain)
     except FrameError as error:
         raise JobError(f"{field}: {error}") from None
     except LightwellError as error:

@@ -142,8 +142,8 @@ def estimate(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -
     scene, size = scene_of(settings), size_of(settings, roots)
     igi, width, height = scene.igi, scene.picture.width, scene.picture.height
     samples = igi.samples(scene.picture.samples)
-    frames = frame_count(settings)
-    texels = size.texels + light_size(settings).texels
+    frames = frame_count(settings, roots)
+    texels = size.texels + light_size(settings, roots).texels
     side = tile_side(igi, size.lamps, samples)
     tiles = -(-width // side) * -(-height // side)
     # Tiles at the edges may be smaller, and all have margins.

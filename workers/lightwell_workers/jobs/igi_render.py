@@ -48,13 +48,13 @@ class IgiRender:
         """Read the scene and its light, look whether all cameras stand where something is seen, and plan."""
         context.progress("prepare", 0, 1)
         recording = recording_of(settings.light)
-        count = frame_count(settings)
+        count = frame_count(settings, context.roots)
         lights: list[Shown | None] = [None] * count
         first = None
         if recording is not None:
             lights[:] = assign(settings, recording, count, context)
             assert lights[0] is not None
-            first = read_sky(settings.light, lights[0], context.work)
+            first = read_sky(settings.light, lights[0], context.work, context.check)
         context.check()
         loaded = load(settings, context.directory.path.parent, context.roots, first)
         remarks = [*(recording.remarks if recording is not None else ()), *loaded.remarks]

@@ -118,7 +118,7 @@ def scene_of(settings: IgiRenderSettings) -> SceneSettings:
     changes: dict[str, Any] = {
         "picture": picture,
         "igi": _merged(found.igi, settings.igi),
-        "light": _light(settings, found.light),
+        "light": _light(settings.light, found.light),
     }
     camera = _camera(settings.camera)
     if camera is not None:
@@ -167,9 +167,9 @@ def _size(scene: str, version: tuple[int, int], camera: str, roots: tuple[Path, 
     )
 
 
-def frame_count(settings: IgiRenderSettings) -> int:
+def frame_count(settings: IgiRenderSettings, roots: Sequence[Path] | None = None) -> int:
     """Return how many pictures there are; raises `LightwellError` where the recording cannot be used."""
-    length = light_size(settings).pictures
+    length = light_size(settings, roots).pictures
     moves = bool(settings.camera.path or settings.camera.orbit_degrees)
     if settings.frames is not None:
         if settings.frames > 1 and not moves and not changes_light(settings):
@@ -205,8 +205,15 @@ def _merged(file: IgiSettings, job: IgiSettings) -> IgiSettings:
     return file.model_copy(update={name: getattr(job, name) for name in job.model_fields_set})
 
 
-def _light(settings: IgiRenderSettings, before: SceneLightSettings | None) -> SceneLightSettings | None:
-    light = settings.light
+def _light(light: IgiLightSettings, before: SceneLightSettings | None) -> SceneLightSettings | None:
+    found = _distant(light, before)
+    live = found is not None and found.file is None and (found.stream is not None or found.field is not None)
+    if light.coefficients is not None and not live:
+        raise JobError("light.coefficients: are what a stream or a field showed: give light.stream with any name")
+    return found
+
+
+def _distant(light: IgiLightSettings, before: SceneLightSettings | None) -> SceneLightSettings | None:
     if light.frames is not None:
         return None  # each picture has its own
     if light.map is None and light.stream is None and light.field is None and light.grid is None:

@@ -81,8 +81,9 @@ def render_tile(cancel: Path, work: str, frame: int, tile: int) -> float:
     """Render and write one tile; return the light in it, W m⁻² sr⁻¹ summed."""
     plan, stamp = _plan(work)
     shot = plan.shots[frame]
-    renderer = _renderer(work, stamp, shot.light)
     stop = partial(stop_if_cancelled, cancel)
+    stop()
+    renderer = _renderer(cancel, work, stamp, shot.light)
     stop()
     rendering = renderer.tile(shot.camera, plan.size, plan.tiles[tile], stop, plan.samples)
     save_tile(tile_path(Path(work), frame, tile), rendering)
@@ -93,7 +94,7 @@ def render_coarse(cancel: Path, work: str, out: str) -> None:
     """Write the first picture with few pixels and lights: what is to be expected, long before it is there."""
     plan, stamp = _plan(work)
     width, height = plan.coarse
-    renderer = _renderer(work, stamp, plan.shots[0].light, coarse=True)
+    renderer = _renderer(cancel, work, stamp, plan.shots[0].light, coarse=True)
     rendering = renderer.tile(
         plan.shots[0].camera, (width, height), Tile(0, height, 0, width), partial(stop_if_cancelled, cancel)
     )
@@ -132,12 +133,14 @@ def _opened(work: str, stamp: int) -> tuple[IgiScene, Surfaces]:
 
 
 @lru_cache(maxsize=2)
-def _renderer(work: str, stamp: int, light: Shown | None, coarse: bool = False) -> IgiRenderer:
+def _renderer(cancel: Path, work: str, stamp: int, light: Shown | None, coarse: bool = False) -> IgiRenderer:
     """Return the scene with its virtual lights, for all tiles of pictures in that light."""
     plan, _ = _plan(work)
     scene, surfaces = _opened(work, stamp)
     if light is not None:
-        sky = read_sky(IgiLightSettings.model_validate_json(plan.light), light, Path(work))
+        sky = read_sky(
+            IgiLightSettings.model_validate_json(plan.light), light, Path(work), partial(stop_if_cancelled, cancel)
+        )
         scene = IgiScene(scene.objects, scene.lamps, sky, scene.field)
     igi = IgiSettings.model_validate_json(plan.igi)
     if coarse:

@@ -16,17 +16,19 @@ import time
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import structlog
 from filelock import FileLock, Timeout
 from threadpoolctl import threadpool_limits
 
 from lightwell.errors import LightwellError
+from lightwell.io.files import write_atomically
 from lightwell.job_settings import JobKind, JobsSettings
 from lightwell_workers.jobs.compute import ComputeLostError, DaskCompute, InlineCompute
 from lightwell_workers.jobs.context import Compute, JobCancelled, JobContext
 from lightwell_workers.jobs.directory import JOB_ID, JobDirectory
 from lightwell_workers.jobs.events import EventLog, last_state
-from lightwell_workers.jobs.kind import SMALL_SECONDS, JobError
+from lightwell_workers.jobs.kind import SMALL_SECONDS, Estimate, JobError
 from lightwell_workers.jobs.kinds import KINDS, load_kind
 from lightwell_workers.jobs.roots import data_roots
 
@@ -131,7 +133,9 @@ class Runner:
             return max(index, 0)
         kind = load_kind(name)
         settings = KINDS[name].settings_type.model_validate(document)
-        estimate = kind.estimate(settings, self.roots)
+        # What has been prepared needs its input no more, which may be gone or another one by now.
+        estimate = None if index == PREPARE else _read_estimate(directory)
+        estimate = estimate or kind.estimate(settings, self.roots)
         compute: Compute = self._inline if estimate.seconds < SMALL_SECONDS else self._dask
         context = JobContext(directory, events, compute, stop, self.roots)
         context.check()
@@ -145,6 +149,7 @@ class Runner:
                 raise JobError(reason)
             context.results.mkdir(parents=True, exist_ok=True)
             kind.prepare(settings, context)
+            write_atomically(_estimate_path(directory), msgspec.json.encode(estimate))
             return len(kind.steps(settings, context))
         steps = kind.steps(settings, context)
         if index == len(steps):
@@ -156,6 +161,17 @@ class Runner:
         steps[index].run(context)
         context.log("step done", step=steps[index].name, seconds=round(time.monotonic() - started, 3))
         return len(steps)
+
+
+def _estimate_path(directory: JobDirectory) -> Path:
+    return directory.work / "estimate.json"
+
+
+def _read_estimate(directory: JobDirectory) -> Estimate | None:
+    try:
+        return msgspec.json.decode(_estimate_path(directory).read_bytes(), type=Estimate)
+    except (OSError, msgspec.MsgspecError):
+        return None
 
 
 def space_problem(settings: JobsSettings, root: Path, wanted: int, job: str | None = None) -> str | None:
