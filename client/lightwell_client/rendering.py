@@ -121,7 +121,7 @@ def render_igi(
     """
     from lightwell.igi import render_igi as render_lights
     from lightwell.io.igi_renders import write_igi_rendering
-    from lightwell.io.igi_scenes import load_igi_scene, meter_rendering
+    from lightwell.io.igi_scenes import load_igi_scene, meter
     from lightwell.io.renders import require_format
 
     if out is not None:
@@ -142,7 +142,7 @@ def render_igi(
         samples=loaded.samples,
     )
     if out is not None:
-        ev = meter_rendering(rendering) if picture.ev is None else picture.ev
+        ev = meter(rendering.shown(loaded.has_backdrop)) if picture.ev is None else picture.ev
         mapped = picture.tone_mapping == "neutral"
         write_igi_rendering(Path(out), rendering, ev, tone_mapping=mapped, backdrop=loaded.has_backdrop)
     return rendering

@@ -60,6 +60,10 @@ class IgiRendering:
         """``(H, W, 3)`` linear radiance, Rec. 709: of surfaces and of the sky behind them."""
         return np.asarray(self.lit + self.behind)
 
+    def shown(self, backdrop: bool) -> Singles:
+        """Return `colour`, or without a backdrop `lit`: what a picture on something else shows."""
+        return self.colour if backdrop else self.lit
+
     @property
     def clamp_bias(self) -> float:
         """Share of the light that the clamp takes away."""

@@ -41,25 +41,27 @@ def write_igi_rendering(
 
 def igi_png(rendering: IgiRendering, ev: float = 0.0, *, tone_mapping: bool = True, backdrop: bool = True) -> bytes:
     """Return a rendering as PNG: RGB with its backdrop, else RGBA where something is not covered."""
-    if backdrop or rendering.coverage.min() == 1:
-        return picture_png(rendering.colour, None, ev, tone_mapping=tone_mapping)
-    return picture_png(rendering.lit, rendering.coverage, ev, tone_mapping=tone_mapping)
+    coverage = None if backdrop or rendering.coverage.min() == 1 else rendering.coverage
+    return picture_png(rendering.shown(backdrop), coverage, ev, tone_mapping=tone_mapping)
 
 
 def igi_layers(rendering: IgiRendering, *, backdrop: bool = True) -> dict[str, NDArray[np.float32]]:
     """Return the channels of an OpenEXR file, ``(H, W)`` float32 each."""
     coverage = rendering.coverage
-    colour, behind = (rendering.colour, rendering.behind) if backdrop else (rendering.lit, np.zeros_like(rendering.lit))
+    colour = rendering.shown(backdrop)
     found = {channel: colour[..., i] for i, channel in enumerate("RGB")}
     found |= {"A": np.ones_like(coverage) if backdrop else coverage, "coverage": coverage}
     if rendering.depth is not None:
         found["Z"] = rendering.depth
     if rendering.set is not None:
         found["set"] = rendering.set.astype(np.float32)
+    direct = rendering.direct
+    if direct is not None and backdrop:
+        direct = direct + rendering.behind
     vectors = {
         "normal": ("XYZ", rendering.normal),
         "albedo": ("RGB", rendering.albedo),
-        "direct": ("RGB", None if rendering.direct is None else rendering.direct + behind),
+        "direct": ("RGB", direct),
         "indirect": ("RGB", rendering.indirect),
     }
     if rendering.coefficients is not None:

@@ -14,7 +14,6 @@ from lightwell.errors import LightwellError, RenderError
 from lightwell.geometry.mesh import make_mesh
 from lightwell.geometry.shapes import make_shape
 from lightwell.igi.materials import IgiMaterial
-from lightwell.igi.rendering import IgiRendering
 from lightwell.igi.scene import DirectionalLight, IgiObject, IgiScene, PointLight
 from lightwell.igi.sky import Sky, sky_of_harmonics
 from lightwell.igi.textures import Texture
@@ -133,13 +132,11 @@ def load_igi_scene(
     return LoadedIgiScene(scene, camera, settings.picture, settings.igi, shown, tuple(remarks))
 
 
-def meter_rendering(rendering: IgiRendering) -> float:
-    """Return the exposure that fits a picture, EV: the geometric mean of its luminance becomes `KEY`; black gets 0."""
-    return meter_colour(rendering.colour)
+def meter(colour: NDArray[np.float32]) -> float:
+    """Return the exposure that fits linear radiance ``(H, W, 3)``, EV.
 
-
-def meter_colour(colour: NDArray[np.float32]) -> float:
-    """Return the exposure that fits linear radiance ``(H, W, 3)``, EV, as `meter_rendering`."""
+    The geometric mean of the luminance, where there is some, becomes `KEY`; black gets 0.
+    """
     luminance = colour.astype(np.float64).reshape(-1, 3) @ LUMINANCE
     lit = luminance[luminance > 0]
     if not lit.size:

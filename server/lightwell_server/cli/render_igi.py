@@ -37,7 +37,7 @@ def render_by_lights(
     """
     from lightwell.igi import render_igi
     from lightwell.io.igi_renders import write_igi_rendering
-    from lightwell.io.igi_scenes import load_igi_scene, meter_rendering
+    from lightwell.io.igi_scenes import load_igi_scene, meter
     from lightwell_client.rendering import ServerSources
 
     pixels = settings.picture.width, settings.picture.height
@@ -51,7 +51,7 @@ def render_by_lights(
             loaded.scene, loaded.camera, pixels, loaded.settings, report, check, samples=loaded.samples
         )
     seconds = time.monotonic() - started
-    exposure = meter_rendering(rendering) if settings.picture.ev is None else settings.picture.ev
+    exposure = meter(rendering.shown(loaded.has_backdrop)) if settings.picture.ev is None else settings.picture.ev
     mapped = settings.picture.tone_mapping == "neutral"
     for path in out:
         write_igi_rendering(path, rendering, exposure, tone_mapping=mapped, backdrop=loaded.has_backdrop)

@@ -20,8 +20,8 @@ from lightwell.igi.materials import phong_exponent
 from lightwell.io.exr import read_rgb, write_rgb
 from lightwell.io.glb import encode_glb
 from lightwell.io.grids import write_grid
-from lightwell.io.igi_renders import igi_png, write_igi_rendering
-from lightwell.io.igi_scenes import LoadedIgiScene, load_igi_scene, meter_rendering
+from lightwell.io.igi_renders import igi_layers, igi_png, write_igi_rendering
+from lightwell.io.igi_scenes import LoadedIgiScene, load_igi_scene, meter
 from lightwell.io.scenes import load_scene, read_scene_settings, scene_settings
 from lightwell.probe.latlong import LatLong
 from lightwell.probe.octahedral import Octahedral
@@ -83,9 +83,7 @@ def test_a_gltf_file_is_a_scene_with_its_lamps_and_camera(folder: Path) -> None:
     picture = shoot(loaded, (9, 9))
     # Straight below the lamp: intensity over distance², times albedo over π; the lobe of the rough paint is little.
     assert picture.colour[4, 4, 0] == pytest.approx(0.8 / np.pi * 9 / 4, rel=0.1)
-    assert 2 ** meter_rendering(picture) * np.exp(np.log(picture.colour[..., 0]).mean()) == pytest.approx(
-        0.18, rel=1e-3
-    )
+    assert 2 ** meter(picture.colour) * np.exp(np.log(picture.colour[..., 0]).mean()) == pytest.approx(0.18, rel=1e-3)
     assert picture.depth is not None
     assert picture.depth[4, 4] == pytest.approx(3)
 
@@ -261,7 +259,7 @@ def test_no_light_is_a_black_picture_and_is_said(folder: Path) -> None:
     assert not picture.colour.any()
     assert picture.normal is not None
     assert picture.normal.any()
-    assert meter_rendering(picture) == 0
+    assert meter(picture.colour) == 0
     write_rgb(folder / "black.exr", np.zeros((4, 8, 3), np.float32))
     assert "there is no light" in load(folder, light={"file": "black.exr"}, objects=[{"shape": "box"}]).remarks[0]
     # Nothing at all to be seen is no mistake either.
@@ -329,3 +327,23 @@ def test_files_hold_all_layers(folder: Path) -> None:
     np.testing.assert_array_equal(read[..., 3], 255 * picture.coverage)
     with pytest.raises(RenderError, match=r"as \.exr or \.png, not as \.jpg"):
         write_igi_rendering(folder / "x.jpg", picture)
+
+
+def test_pictures_without_backdrop_go_over_any_other(folder: Path) -> None:
+    """Over the grey of the sky they are the picture with it; exposure goes by what is shown."""
+    grey = 0.25
+    harmonics = np.zeros((1, 3))
+    harmonics[0] = grey * np.sqrt(4 * np.pi)
+    document = BASE | {"objects": [{"shape": "sphere", "albedo": 0.1}], "igi": FEW, "backdrop": {"kind": "none"}}
+    loaded = load_igi_scene(scene_settings(document, "s.toml"), folder, light=harmonics)
+    assert not loaded.has_backdrop
+    picture = render_igi(loaded.scene, loaded.camera, (24, 16), loaded.settings, samples=3)
+    opaque, clear = igi_layers(picture), igi_layers(picture, backdrop=False)
+    left = 1 - clear["A"]
+    assert {0, 1} < set(np.unique(left))
+    for channel in "RGB":
+        np.testing.assert_allclose(clear[channel] + left * grey, opaque[channel], atol=1e-6)
+        for layers in (opaque, clear):
+            together = layers[f"direct.{channel}"] + layers[f"indirect.{channel}"]
+            np.testing.assert_allclose(together, layers[channel], atol=1e-6)
+    assert meter(picture.shown(loaded.has_backdrop)) > meter(picture.colour) + 1

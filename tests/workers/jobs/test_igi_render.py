@@ -25,7 +25,7 @@ from lightwell.io.exr import write_rgb
 from lightwell.io.films import write_film
 from lightwell.io.grids import write_grid
 from lightwell.io.igi_renders import write_igi_rendering
-from lightwell.io.igi_scenes import load_igi_scene, meter_rendering
+from lightwell.io.igi_scenes import load_igi_scene, meter
 from lightwell.io.pictures import read_picture
 from lightwell.io.scenes import read_scene_settings
 from lightwell.job_settings import IgiRenderSettings, JobsSettings
@@ -105,11 +105,11 @@ def test_a_picture_is_that_of_the_command(tmp_path: Path, folder: Path) -> None:
     settings = loaded.settings.model_copy(update={"seed": 3})
     whole = render_igi(loaded.scene, loaded.camera, (45, 30), settings, samples=loaded.samples)
     for name in ("layers.exr", "picture.png"):
-        write_igi_rendering(tmp_path / name, whole, meter_rendering(whole), backdrop=loaded.has_backdrop)
+        write_igi_rendering(tmp_path / name, whole, meter(whole.colour), backdrop=loaded.has_backdrop)
         assert (tmp_path / name).read_bytes() == (results / name).read_bytes()
     assert (report["igi"]["sets"], report["igi"]["vpls"], report["igi"]["seed"]) == ([2, 2], 32, 3)
     assert (report["width"], report["height"], report["frames"], report["rays"]) == (45, 30, 1, whole.rays)
-    assert (report["ev"], report["samples"]) == (meter_rendering(whole), loaded.samples)
+    assert (report["ev"], report["samples"]) == (meter(whole.colour), loaded.samples)
     work = JobDirectory(tmp_path, "inline-job").work
     assert read_png(work / "preview.png").shape == (30, 45, 3)
     assert not list(work.glob("tile-*"))

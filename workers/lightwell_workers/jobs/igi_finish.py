@@ -21,7 +21,7 @@ from lightwell.igi_settings import IgiSettings
 from lightwell.io.files import write_atomically
 from lightwell.io.films import write_film
 from lightwell.io.igi_renders import write_igi_rendering
-from lightwell.io.igi_scenes import meter_rendering
+from lightwell.io.igi_scenes import meter
 from lightwell.io.preview import encode_png
 from lightwell.job_settings import IgiRenderSettings
 from lightwell_workers.jobs.context import JobContext, stop_if_cancelled
@@ -80,7 +80,7 @@ def write_frame(cancel: Path, work: str, results: str, frame: int) -> None:
         raise JobError(f"picture {frame} is not finite: the light or an emission is too strong; lower light.gain")
     ev = known_exposure(plan, place)
     if ev is None:  # this is the first picture, which all others wait for
-        ev = meter_rendering(rendering)
+        ev = meter(rendering.shown(plan.backdrop))
         write_atomically(exposure_path(place), json.dumps(ev).encode())
     exr, png = frame_files(plan, Path(results), frame)
     exr.parent.mkdir(parents=True, exist_ok=True)

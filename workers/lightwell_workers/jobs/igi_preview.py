@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lightwell.igi.rendering import Tile
 from lightwell.io.files import write_atomically
-from lightwell.io.igi_scenes import meter_colour
+from lightwell.io.igi_scenes import meter
 from lightwell.io.preview import encode_png
 from lightwell.render.tonemap import expose_and_encode
 from lightwell_workers.jobs.context import JobContext
@@ -52,7 +52,8 @@ class Preview:
         step = self._stride
         top, left = -(-tile.top // step), -(-tile.left // step)
         with np.load(path) as file:
-            part = (file["lit"] + file["behind"])[top * step - tile.top :: step, left * step - tile.left :: step]
+            shown = file["lit"] + file["behind"] if self._plan.backdrop else file["lit"]
+            part = shown[top * step - tile.top :: step, left * step - tile.left :: step]
         self._colour[top : top + part.shape[0], left : left + part.shape[1]] = part
         if time.monotonic() - self._drawn > PAUSE_SECONDS:
             self.draw()
@@ -60,7 +61,7 @@ class Preview:
     def draw(self) -> None:
         """Write the picture. A disk that is full loses it: the job's own writes say so."""
         ev = known_exposure(self._plan, self._state.parent)
-        ev = meter_colour(self._colour) if ev is None else ev
+        ev = meter(self._colour) if ev is None else ev
         pixels = expose_and_encode(self._colour, ev, tone_mapping=self._plan.tone_mapping)
         with contextlib.suppress(OSError):
             with self._state.with_name(".preview.partial").open("wb") as file:

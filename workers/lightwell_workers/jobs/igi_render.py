@@ -121,7 +121,7 @@ def _coarse(plan: Plan, context: JobContext) -> None:
             pass
         if context.processes > 1:
             forget()
-    Preview(plan, context).lay(load_tile(path).colour)
+    Preview(plan, context).lay(load_tile(path).shown(plan.backdrop))
     context.progress("coarse", 1, 1)
 
 
