@@ -346,7 +346,7 @@ class IgiRenderSettings(Settings):
         description="pictures; default: as many as show light.frames, at its own pace where that is known, 48 where the"
         " camera moves, else one",
     )
-    fps: float = Field(24.0, gt=0, le=240, description="of the film, pictures a second")
+    fps: float = Field(24.0, ge=0.01, le=240, description="of the film, pictures a second")
     igi: IgiSettings = IgiSettings()
     ev: float | None = Field(
         None, ge=-MAX_EV, le=MAX_EV, description="exposure of PNG and film, EV; default: metered from the first picture"

@@ -103,7 +103,10 @@ def load_igi_scene(
     if light is not None:
         sky = light if isinstance(light, Sky) else sky_of_harmonics(light)
     elif settings.light is not None:
-        sky, field = _light(loader, settings.light, objects)
+        try:
+            sky, field = _light(loader, settings.light, objects)
+        except ValueError as error:  # more than single precision takes
+            raise RenderError(f"{where}: light: {error}, or lower light.gain") from None
     if settings.backdrop.file is not None:
         raise RenderError(f"{where}: backdrop.file: igi shows the light itself behind objects: name it as light.file")
     if settings.igi.filter != "sh" and "samples" in settings.picture.model_fields_set and settings.picture.samples > 1:

@@ -321,6 +321,9 @@ def test_what_cannot_be_rendered_is_said(tmp_path: Path, folder: Path) -> None:
     }
     (folder / "bare.gltf").write_text(json.dumps(gltf))
     at = {"position": [3, 0, 1]}
+    write_rgb(folder / "bright.exr", np.full((8, 16, 3), 1e20, np.float32))
+    (folder / "bright.json").write_text('{"coefficients": [[1e20, 1e20, 1e20]]}')
+    (folder / "bright.toml").write_text(SCENE + '[light]\nfile = "bright.json"\ngain = 1e12\n')
     refused: list[tuple[str, dict[str, Any], str]] = [
         ("none.toml", {}, "none.toml.*no such file"),
         ("hall.0000.exr", {}, "type .exr"),
@@ -340,6 +343,17 @@ def test_what_cannot_be_rendered_is_said(tmp_path: Path, folder: Path) -> None:
         ("lit.toml", {"light": {"frames": str(folder / "none.*.exr")}}, "matches no file"),
         ("lit.toml", {"light": {"grid": "no.such-grid"}}, "no grid"),
         ("lit.toml", {"frames": 3}, "nothing changes from picture to picture"),
+        (
+            "lit.toml",
+            {"light": {"map": str(folder / "bright.exr"), "gain": 1e12}},
+            r"light\.map: bright\.exr: the sky must be .*, or lower light\.gain",
+        ),
+        (
+            "lit.toml",
+            {"light": {"frames": str(folder / "bright.json"), "gain": 1e12}},
+            r"light\.gain = 1e\+12: with it the sky must be",
+        ),
+        ("bright.toml", {}, r"bright\.toml: light: the sky must be .*, or lower light\.gain"),
         ("lit.toml", {"light": {"coefficients": [[1, 1, 1]]}}, r"light\.coefficients: .*give light\.stream"),
     ]
     for number, (scene, settings, words) in enumerate(refused):
@@ -356,6 +370,7 @@ def test_what_cannot_be_rendered_is_said(tmp_path: Path, folder: Path) -> None:
         ({"camera": {"target": [0, 0, 1], "fov_degrees": 50}}, "has target, fov_degrees but no position"),
         ({"camera": {"path": [at, at | {"up": [0, 0, 0]}]}}, "up must have a length"),
         ({"camera": {"path": [at]}}, "two cameras"),
+        ({"fps": 0.001}, "greater than or equal to 0.01"),  # films count in 1/1001 s
         ({"camera": {"path": [at, at], "orbit_degrees": 9}}, "leave name"),
         ({"width": 16384, "height": 16384}, "at most"),
     ):

@@ -76,7 +76,7 @@ def light_size(settings: IgiRenderSettings, roots: Sequence[Path] | None = None)
         version = (state.st_mtime_ns, state.st_size)
     except OSError:
         version = (0, 0)
-    used = light.model_dump_json(include={"map", "frames", "frame", "stream", "video", "mapping"})
+    used = light.model_dump_json(include={"map", "frames", "frame", "stream", "video", "mapping", "gain"})
     return _light_size(used, version, settings.fps, None if roots is None else tuple(roots))
 
 
@@ -154,7 +154,11 @@ def read_sky(light: IgiLightSettings, shown: Shown, work: Path, check: Callable[
     """
     if shown.source == COEFFICIENTS:
         assert shown.number is not None
-        return sky_of_harmonics(light.gain * np.load(work / COEFFICIENTS, mmap_mode="r")[shown.number])
+        found = light.gain * np.load(work / COEFFICIENTS, mmap_mode="r")[shown.number]
+        try:
+            return sky_of_harmonics(found)
+        except ValueError as error:
+            raise JobError(f"light.gain = {light.gain:g}: with it {error}, or lower it") from None
     path = Path(shown.source)
     if _changed_ns(path) != shown.changed_ns:
         raise JobError(f"light.frames: {path.name}: has changed since the job began: submit it again")
@@ -171,3 +175,5 @@ def _read(
         raise JobError(f"{field}: {error}") from None
     except LightwellError as error:
         raise JobError(f"light.mapping: {path.name}: {error}") from None
+    except ValueError as error:
+        raise JobError(f"{field}: {path.name}: {error}, or lower light.gain") from None
