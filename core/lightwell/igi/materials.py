@@ -58,7 +58,7 @@ class IgiMaterial:
     transmission_texture: Texture | None = None
     """Multiplies that with its first channel."""
     hole_below: float = 0.0
-    """Where ``alpha (1 − transmission)`` is less there is a hole (`lightwell.igi.coverage`); 0: nowhere."""
+    """There is a hole where ``alpha (1 − transmission (1 − metallic))`` is less (`igi.coverage`); 0: nowhere."""
     two_sided: bool = False
     """The back is seen too, and reflects; else rays from the camera pass it, and light that falls on it is lost."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightwell.igi.filter import Reach, filtered, margins, windows
-from lightwell.igi.gather import Gatherer
+from lightwell.igi.gather import Gathered, Gatherer
 from lightwell.igi.gbuffer import GBuffer, look, require_outside
 from lightwell.igi.rendering import TILE, IgiRendering, Tile, assemble, cut
 from lightwell.igi.scene import IgiScene
@@ -60,7 +60,7 @@ class IgiRenderer:
             wide.place, wide.geometric, wide.seen, (columns[0], rows[0]), self._groups, check
         )
         raw = gathered.coefficients
-        arrived, clamped, rays = gathered.arrived, gathered.clamped, gathered.rays
+        sums = _Sums(gathered.arrived, gathered.clamped, gathered.rays)
         if settings.filter == "sh":
             last = self._filter(raw, wide)
             inner, coefficients = last.inner, last.after
@@ -68,7 +68,7 @@ class IgiRenderer:
                 lit = self._lit(inner, self._receive(coefficients, inner))
             else:
                 lit, more = self._by_subpixels(camera, size, tile, samples, last, check)
-                arrived, clamped, rays = arrived + more.arrived, clamped + more.clamped, rays + more.rays
+                sums = sums.plus(more)
         else:
             last = self._filter(np.stack(self._receive(raw, wide), axis=2), wide)
             inner, coefficients = last.inner, raw[reach.within(raw.shape)]
@@ -87,9 +87,7 @@ class IgiRenderer:
             lit.indirect if "indirect" in wanted else None,
             turn.astype(np.uint16) if "set" in wanted else None,
             coefficients.sum(axis=2) if "coefficients" in wanted else None,
-            arrived,
-            clamped,
-            rays,
+            *sums,
         )
 
     def _filter(self, values: Singles, pixels: GBuffer) -> _LastPass:
@@ -114,35 +112,50 @@ class IgiRenderer:
         check: Callable[[], None] | None,
     ) -> tuple[_Lit, _Sums]:
         """Return the means over N × N rays a pixel, and what was gathered for rays on no pixel's surface."""
-        height, width = tile.bottom - tile.top, tile.right - tile.left
-        before = centres.before.reshape(*centres.before.shape[:2], -1)
         parts: list[_Lit] = []
         sums = _Sums(0.0, 0.0, 0)
-        for first, last in strips(height, width, samples):
+        for first, last in strips(tile.bottom - tile.top, tile.right - tile.left, samples):
             if check is not None:
                 check()
             rows = (tile.top + first) * samples, (tile.top + last) * samples
             columns = tile.left * samples, tile.right * samples
             fine = look(self.surfaces, camera, (size[0] * samples, size[1] * samples), rows, columns)
-            pixels = centres.inner.part(np.s_[first:last, :])
-            own = own_pixels(fine, pixels, samples)
-            elsewhere = np.flatnonzero(own == ELSEWHERE)
-            means, found = neighbours_means(before, centres.pixels, fine, elsewhere, samples, centres.reach, first)
-            if not found.all():
-                alone = np.zeros(fine.seen.size, np.bool_)
-                alone[elsewhere[~found]] = True
-                corner, chosen = (columns[0], rows[0]), alone.reshape(fine.seen.shape)
-                gathered = self._gatherer.gather(fine.place, fine.geometric, chosen, corner, self._groups, check)
-                means[~found] = gathered.coefficients.reshape(fine.seen.size, -1)[elsewhere[~found]]
-                sums = _Sums(
-                    sums.arrived + gathered.arrived, sums.clamped + gathered.clamped, sums.rays + gathered.rays
-                )
-            table = centres.after[first:last].reshape(-1, *centres.after.shape[2:])
-            own[elsewhere] = len(table) + np.arange(len(elsewhere))
-            table = np.concatenate([table, means.reshape(len(means), *table.shape[1:])])
+            table, own, gathered = self._incident(fine, centres, (first, last), samples, (columns[0], rows[0]), check)
+            if gathered is not None:
+                sums = sums.plus(gathered)
             lit = self._lit(fine, self._respond(table, fine, own))
             parts.append(_Lit(*(pixel_means(layer, samples) for layer in lit)))
         return _Lit(*(np.concatenate(layers) for layers in zip(*parts, strict=True))), sums
+
+    def _incident(
+        self,
+        fine: GBuffer,
+        centres: _LastPass,
+        rows: tuple[int, int],
+        samples: int,
+        corner: tuple[int, int],
+        check: Callable[[], None] | None,
+    ) -> tuple[Singles, NDArray[np.int64], Gathered | None]:
+        """Return coefficients ``(K, G, bands², 3)``, which of them each ray takes, and what was gathered for some.
+
+        ``fine``: what the rays of rows ``rows[0] … rows[1] − 1`` of the pixels see; ``corner``: column and row of the
+        first of these rays.
+        """
+        pixels = centres.inner.part(np.s_[rows[0] : rows[1], :])
+        own = own_pixels(fine, pixels, samples)
+        elsewhere = np.flatnonzero(own == ELSEWHERE)
+        before = centres.before.reshape(*centres.before.shape[:2], -1)
+        means, found = neighbours_means(before, centres.pixels, fine, elsewhere, samples, centres.reach, rows[0])
+        gathered = None
+        if not found.all():
+            alone = np.zeros(fine.seen.size, np.bool_)
+            alone[elsewhere[~found]] = True
+            chosen = alone.reshape(fine.seen.shape)
+            gathered = self._gatherer.gather(fine.place, fine.geometric, chosen, corner, self._groups, check)
+            means[~found] = gathered.coefficients.reshape(fine.seen.size, -1)[elsewhere[~found]]
+        table = centres.after[rows[0] : rows[1]].reshape(-1, *centres.after.shape[2:])
+        own[elsewhere] = len(table) + np.arange(len(elsewhere))
+        return np.concatenate([table, means.reshape(len(means), *table.shape[1:])]), own, gathered
 
     def _receive(self, coefficients: Singles, seen: GBuffer) -> Responses:
         """Return what surfaces get, ``(H, W, G, 3)``, of coefficients ``(H, W, G, bands², 3)``; zero where none is."""
@@ -207,6 +220,9 @@ class _Sums(NamedTuple):
     arrived: float
     clamped: float
     rays: int
+
+    def plus(self, more: Gathered | _Sums) -> _Sums:
+        return _Sums(self.arrived + more.arrived, self.clamped + more.clamped, self.rays + more.rays)
 
 
 def render_igi(

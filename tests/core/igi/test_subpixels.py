@@ -116,12 +116,24 @@ def test_bumps_are_seen_by_every_ray() -> None:
 
 @pytest.mark.parametrize("passes", [1, 2])
 def test_tiles_and_threads_do_not_show(passes: int) -> None:
-    """With poles thinner than pixels, which no pixel's centre may be on."""
+    """With poles thinner than pixels, which no pixel's centre may be on, and a card with holes, colours and bumps."""
     poles = [
         IgiObject(placed(box(), [0.004, 0.004, 1], [x, 0.3, 1], f"pole {x}"), matte(0.9, 0.9, 0.9))
         for x in (-0.9, -0.35, 0.2, 0.55)
     ]
-    scene = IgiScene((*panel_room().objects, *poles), sky=GREY)
+    random, flat = np.random.default_rng(2), plane(1)
+    blotched = IgiMaterial(
+        base=(1, 1, 1),
+        base_texture=Texture(random.integers(0, 256, (37, 65, 3), np.uint8), encoding="srgb"),
+        bump_texture=Texture(random.random((33, 64, 1), np.float32)),
+        bump_metres=0.01,
+        alpha_texture=Texture(random.choice(np.array([0, 255], np.uint8), (16, 16, 1))),
+        hole_below=0.5,
+        two_sided=True,
+    )
+    uv = (flat.positions[:, :2] * 1.5).astype(np.float32)
+    card = IgiObject(placed(flat, 0.6, (0.3, -0.2, 0.7), "card"), blotched, (uv,))
+    scene = IgiScene((*panel_room().objects, *poles, card), sky=GREY)
     settings = IgiSettings(
         vpls=128, sets=(3, 2), passes=passes, layers=("normal", "depth", "albedo", "direct", "indirect", "set")
     )
