@@ -60,8 +60,7 @@ def _rotation_blocks(rotation, bands, out):  # type: ignore[no-untyped-def]  # n
     axes = (1, 2, 0)
     for row in range(3):
         for column in range(3):
-            one[row, column] = rotation[axes[row], axes[column]]
-    out[1:4, 1:4] = one
+            one[row, column] = out[1 + row, 1 + column] = rotation[axes[row], axes[column]]
     for degree in range(2, bands):
         start, start_below = degree * degree, (degree - 1) * (degree - 1)
         below = out[start_below:start, start_below:start]
