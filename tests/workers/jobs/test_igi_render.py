@@ -202,6 +202,18 @@ def test_a_video_is_light_over_time(tmp_path: Path, folder: Path) -> None:
             run(tmp_path / "c", folder / "unlit.toml", light=light | changes)
 
 
+def test_a_film_that_begins_in_the_dark_is_told_which_exposure_fits(tmp_path: Path, folder: Path) -> None:
+    rows = [{"capture_time_ns": k * 100_000_000, "coefficients": [[level] * 3]} for k, level in enumerate((1e-3, 3, 4))]
+    (folder / "dusk.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    settings = {"light": {"frames": str(folder / "dusk.jsonl")}, "fps": 10, "width": 12, "height": 8}
+    _, film = run(tmp_path / "a", folder / "unlit.toml", **settings)
+    fits = np.log2(0.18 / film["mean"][1][1])
+    assert [float(remark.rpartition(" ")[2]) for remark in film["remarks"]] == pytest.approx([fits], abs=0.3)
+    assert film["ev"] > fits + 4
+    _, film = run(tmp_path / "b", folder / "unlit.toml", **settings, ev=float(fits))
+    assert film["remarks"] == []
+
+
 def test_grids_add_up_and_follow(tmp_path: Path, folder: Path) -> None:
     write_grid(folder / "one.zarr", field_grid())
     grid = str(folder / "one.zarr")

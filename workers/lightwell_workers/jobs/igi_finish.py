@@ -15,13 +15,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from lightwell.conventions import LUMINANCE
 from lightwell.errors import RenderError
 from lightwell.igi.rendering import IgiRendering, Tile, assemble
 from lightwell.igi_settings import IgiSettings
 from lightwell.io.files import write_atomically
 from lightwell.io.films import write_film
 from lightwell.io.igi_renders import write_igi_rendering
-from lightwell.io.igi_scenes import meter
+from lightwell.io.igi_scenes import KEY, meter
 from lightwell.io.preview import encode_png
 from lightwell.job_settings import IgiRenderSettings
 from lightwell_workers.jobs.context import JobContext, stop_if_cancelled
@@ -30,6 +31,8 @@ from lightwell_workers.jobs.igi_tasks import load_tile, plan_of, tile_path
 from lightwell_workers.jobs.kind import JobError
 
 PREVIEW_SIDE = 1024
+WIDE_EV = 4.0
+"""Pictures that are so much brighter than the one that was metered are all but white."""
 
 
 class Counted(msgspec.Struct):
@@ -127,8 +130,30 @@ def write_results(settings: IgiRenderSettings, plan: Plan, context: JobContext) 
                 context.progress("write", frame + 2, total)
 
         write_film(results / "film.mp4", pictures(), settings.fps)
-    write_atomically(results / "report.json", (json.dumps(_report(settings, plan, context), indent=1) + "\n").encode())
+    report = _report(settings, plan, context)
+    remark = (
+        None if plan.ev is not None else exposure_remark([float(np.dot(mean, LUMINANCE)) for mean in report["mean"]])
+    )
+    if remark is not None:
+        context.log(remark, level="warning")
+        report["remarks"].append(remark)
+    write_atomically(results / "report.json", (json.dumps(report, indent=1) + "\n").encode())
     context.progress("write", total, total)
+
+
+def exposure_remark(levels: Sequence[float]) -> str | None:
+    """Return what is to be said of a film whose first picture, for which all are exposed, is much darker than others.
+
+    ``levels``: mean luminance of each picture.
+    """
+    brightest, middle = max(levels), float(np.median(levels))
+    if brightest <= levels[0] * 2**WIDE_EV:
+        return None
+    fits = math.log2(KEY / (middle or brightest))
+    return (
+        "ev: is metered from the first picture, which is much darker than others: they may be all but white:"
+        f" give ev, about {fits:.1f}"
+    )
 
 
 def _opaque(path: Path) -> NDArray[np.uint8]:
@@ -161,5 +186,5 @@ def _report(settings: IgiRenderSettings, plan: Plan, context: JobContext) -> dic
         "clamp_bias": clamped / (arrived + clamped) if arrived + clamped > 0 else 0.0,
         "coverage": [one.coverage for one in counted],
         "mean": [one.mean for one in counted],
-        "remarks": plan.remarks,
+        "remarks": list(plan.remarks),
     }
