@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.support import reference_igi
-from tests.support.igi_scenes import lamp, matte, panel, placed
+from tests.support.igi_scenes import lamp, matte, panel, pixels, placed
 from tests.support.shapes import quad
 
 from lightwell.geometry.rays import RayScene
@@ -159,7 +159,7 @@ def test_interleaving_and_the_box_are_all_lights() -> None:
     lights = random_lights(512, 1)
     gatherer = Gatherer(SPACE, arrange([lights], NONE, pattern, 7), 3, np.float64)
     own = gatherer.gather(place, normal, seen, (-left, -up), groups=1).coefficients.reshape(*shape, 27)
-    mean = filtered(own, seen, place, normal, normal, depth, reach).reshape(8, 8, 9, 3)
+    mean = filtered(own, pixels(seen, place, normal, normal, depth), reach).reshape(8, 8, 9, 3)
     whole = gather_at(lights, place[0, 0], UP)
     assert np.abs(own.reshape(*shape, 9, 3) / whole[0] - whole / whole[0]).max() > 0.1
     np.testing.assert_allclose(mean, np.broadcast_to(whole, mean.shape), atol=4 * 9e-16 * np.abs(whole).max())
@@ -177,7 +177,8 @@ def test_what_is_filtered_on_bumps() -> None:
     lights = random_lights(16, 1)
     sets = arrange([lights], NONE, (4, 4), 0)
     own = Gatherer(SPACE, sets, 3, np.float64).gather(place, normal, seen, groups=1).coefficients[:, :, 0]
-    mean = filtered(own.reshape(7, 7, 27), seen, place, normal, shading, depth, reach).reshape(4, 4, 9, 3)
+    bumpy = pixels(seen, place, normal, shading, depth)
+    mean = filtered(own.reshape(7, 7, 27), bumpy, reach).reshape(4, 4, 9, 3)
     inner = shading[2:6, 2:6]
 
     def shade(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -186,8 +187,8 @@ def test_what_is_filtered_on_bumps() -> None:
 
     truth = shade(np.tile(gather_at(lights, np.zeros(3), UP), (4, 4, 1, 1)), inner)
     alone = shade(own, shading)
-    irradiance = filtered(alone, seen, place, normal, shading, depth, reach)
-    strict = filtered(alone, seen, place, normal, shading, depth, reach, strict=True)
+    irradiance = filtered(alone, bumpy, reach)
+    strict = filtered(alone, bumpy, reach, strict=True)
 
     def error(values: np.ndarray) -> float:
         return float(np.sqrt(((values - truth) ** 2).mean()) / truth.max())
