@@ -241,7 +241,7 @@ def complaint(item: ErrorDetails) -> str:
         case "gradients" | "twice" | "scene":
             return message
         case "too_short":
-            message = f"must have at least {item['ctx']['min_length']} values"
+            message = message.partition(" after validation")[0]
         case "too_long":
             message = f"must have at most {item['ctx']['max_length']} values"
     if any("token" in str(part) for part in item["loc"]):

@@ -157,7 +157,7 @@ def test_uploads_and_paths_are_checked_before_the_job_is_taken(api: httpx.Client
         ({"scene": mesh, "camera": AT, "light": {"frames": "/etc/*.exr"}}, 403, "data roots"),
         ({"scene": mesh, "camera": AT, "light": {"frames": "scenes/no*.exr"}}, 422, "matches no file"),
         ({"scene": mesh, "camera": AT, "light": {"frames": f"scenes/{'x' * 300}.mp4"}}, 403, "no usable path"),
-        ({"scene": mesh, "camera": AT, "light": {"grid": []}}, 422, "must have at least 1 values"),
+        ({"scene": mesh, "camera": AT, "light": {"grid": []}}, 422, 'must have at least 1 item"'),
         ({"scene": mesh, "camera": AT, "light": {"grid": "nojob.grid"}}, 422, "no grid"),
         ({"scene": mesh, "camera": AT, "light": {"stream": "none"}}, 404, "none"),
         ({"scene": mesh, "camera": AT, "light": {"frames": "captures/hall.jsonl"}}, 422, "hall.jsonl: line 2"),
