@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lightwell.igi.gbuffer import GBuffer
+from lightwell.igi.gbuffer import GBuffer, Places
 from lightwell.igi_settings import IgiSettings
 
 SAME_NORMAL = float(np.cos(np.radians(25)))
@@ -63,12 +63,16 @@ def filtered(values: NDArray[Any], pixels: GBuffer, reach: Reach, strict: bool =
     ``values (H, W, C)`` of ``pixels (H, W)``; zero where nothing is seen. ``strict``: see `STRICT_NORMAL`.
     """
     inner = reach.within(pixels.seen.shape)
-    out = np.zeros_like(values[inner])
     rows, columns = np.nonzero(pixels.seen[inner])
     places = rows + reach.up, columns + reach.left
-    means, found = window_means(values, pixels, places, pixels.part(places), reach, strict)
-    # The pixel itself may fail its own test by rounding.
-    means[~found] = values[places][~found]
+    means, found = window_means(values, pixels, places, pixels, places, reach, strict)
+    if not found.all():
+        # The pixel itself may fail its own test by rounding.
+        means[~found] = values[places][~found]
+    shape = values[inner].shape
+    if len(means) == shape[0] * shape[1]:
+        return means.reshape(shape)
+    out = np.zeros(shape, values.dtype)
     out[rows, columns] = means
     return out
 
@@ -76,8 +80,9 @@ def filtered(values: NDArray[Any], pixels: GBuffer, reach: Reach, strict: bool =
 def window_means(
     values: NDArray[Any],
     pixels: GBuffer,
-    places: tuple[NDArray[np.int64], NDArray[np.int64]],
+    windows: Places,
     points: GBuffer,
+    places: Places,
     reach: Reach,
     strict: bool = False,
 ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -87,10 +92,10 @@ def window_means(
     ----------
     values, pixels
         ``(H, W, C)``; ``(H, W)``: what is averaged, and what is seen there.
-    places
+    windows
         Rows and columns of the windows' own pixels, ``(n,)`` each; windows must lie within the rectangle.
-    points
-        ``(n,)``: whose surface it is, of each window.
+    points, places
+        ``(H', W')``; ``(n,)`` each: rows and columns therein of the points whose surface it is, of each window.
     reach, strict
         The window; whether shading normals are to agree too.
 
@@ -99,7 +104,7 @@ def window_means(
     means, found
         ``(n, C)``; ``(n,)`` whether any pixel of the window is on that surface; zero where none is.
     """
-    means = np.zeros((len(places[0]), values.shape[2]), values.dtype)
+    means = np.zeros((len(windows[0]), values.shape[2]), values.dtype)
     counts = np.zeros(len(means), np.int64)
     _window_means(
         values,
@@ -107,6 +112,7 @@ def window_means(
         pixels.place,
         pixels.geometric,
         pixels.shading,
+        *windows,
         *places,
         points.place,
         points.geometric,
@@ -141,6 +147,8 @@ def _window_means(  # type: ignore[no-untyped-def]
     shading,
     rows,
     columns,
+    point_rows,
+    point_columns,
     point_place,
     point_geometric,
     point_shading,
@@ -155,10 +163,11 @@ def _window_means(  # type: ignore[no-untyped-def]
     channels = values.shape[2]
     total = np.empty(channels, values.dtype)
     for k in range(len(rows)):
-        px, py, pz = point_place[k, 0], point_place[k, 1], point_place[k, 2]
-        nx, ny, nz = point_geometric[k, 0], point_geometric[k, 1], point_geometric[k, 2]
-        sx, sy, sz = point_shading[k, 0], point_shading[k, 1], point_shading[k, 2]
-        depth = point_depth[k]
+        i, j = point_rows[k], point_columns[k]
+        px, py, pz = point_place[i, j, 0], point_place[i, j, 1], point_place[i, j, 2]
+        nx, ny, nz = point_geometric[i, j, 0], point_geometric[i, j, 1], point_geometric[i, j, 2]
+        sx, sy, sz = point_shading[i, j, 0], point_shading[i, j, 1], point_shading[i, j, 2]
+        depth = point_depth[i, j]
         total[:] = 0
         count = 0
         for a in range(rows[k] - up, rows[k] + down + 1):

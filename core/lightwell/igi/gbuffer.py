@@ -13,7 +13,8 @@ from lightwell.render.camera import Camera
 from lightwell.render.picture import MAX_BACKS, STEP
 
 Floats = NDArray[np.float64]
-Places = tuple[slice, slice] | tuple[NDArray[np.int64], NDArray[np.int64]]
+Places = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Rows and columns of pixels, ``(n,)`` each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +42,9 @@ class GBuffer:
     depth: Singles
     """``(H, W)`` metres along the viewing axis; infinite where nothing is."""
 
-    def part(self, places: Places) -> GBuffer:
-        """Return some of the pixels: a rectangle for slices of rows and columns, ``(n,)`` for so many of each."""
-        return GBuffer(*(getattr(self, field.name)[places] for field in fields(self)))
+    def part(self, rectangle: tuple[slice, slice]) -> GBuffer:
+        """Return the pixels of a rectangle."""
+        return GBuffer(*(getattr(self, field.name)[rectangle] for field in fields(self)))
 
 
 def look(

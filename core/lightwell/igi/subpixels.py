@@ -76,8 +76,8 @@ def neighbours_means(
         ``(E, C)``; ``(E,)`` whether there is any pixel on that surface.
     """
     rows, columns = np.divmod(chosen, fine.seen.shape[1])
-    places = rows // samples + (first_row + reach.up), columns // samples + reach.left
-    return window_means(values, wide, places, fine.part((rows, columns)), reach)
+    windows = rows // samples + (first_row + reach.up), columns // samples + reach.left
+    return window_means(values, wide, windows, fine, (rows, columns), reach)
 
 
 def pixel_means(values: NDArray[np.floating], samples: int) -> NDArray[np.float32]:
