@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from playwright.sync_api import Page
 
 PATIENCE_SECONDS = 20.0
+PAUSE_MS = 150.0
+"""Between two looks: each costs the browser almost half a second of computing, in which it draws nothing else."""
 
 Picture = NDArray[np.float64]
 
@@ -34,6 +36,7 @@ def see_until(page: Page, wanted: Callable[[Picture], bool]) -> Picture:
         picture = see(page)
         if wanted(picture) or time.monotonic() > deadline:
             return picture
+        page.wait_for_timeout(PAUSE_MS)
 
 
 def objects(picture: Picture) -> Picture:

@@ -292,8 +292,10 @@ def test_the_picture_comes_back_after_the_graphics_were_lost(
     open_page: OpenPage, room: Publisher, grid: tuple[str, Grid], console: list[str]
 ) -> None:
     name, _ = grid
-    page = open_page(f"#{GRID_BARE}&grid={name}&probes=1&ev=0", size={"width": 800, "height": 600})
-    see_until(page, lambda picture: picture.std() > 15)
+    with_probes = GRID_BARE.replace("probes=0", "probes=1")
+    page = open_page(f"#{with_probes}&grid={name}&ev=0", size={"width": 800, "height": 600})
+    expect(page.get_by_test_id("badge")).to_have_text("Grid")
+    see_until(page, lambda picture: picture.std() > 10)
     before = settled(page)
     graphics = "document.querySelector('canvas').getContext('webgl2')"
     page.evaluate(f"window.lost = {graphics}.getExtension('WEBGL_lose_context'); undefined")
