@@ -197,7 +197,7 @@ class StubbornWorkers:
         monkeypatch.setattr(sys, "executable", str(program))
         self.supervisor = Supervisor(
             Hub(HubSettings(), "run"),
-            SupervisorSettings(stop_seconds=1.0),  # long enough to be seen on a busy machine
+            SupervisorSettings(stop_seconds=2.0),  # long enough to be seen on a busy machine
             server_url="http://127.0.0.1:9",
             token="t",
             uploads=directory,
