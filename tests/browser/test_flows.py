@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Locator, Page, ViewportSize, expect
 from tests.browser.conftest import OpenPage
 from tests.browser.files import ARTEFACTS, green_map, hold_over, keep, let_go, mushroom
-from tests.browser.pictures import Picture, see_until
+from tests.browser.pictures import Picture, see_until, settled
 from tests.browser.publisher import Publisher, distant_light
 from tests.browser.server import ServerProcess
 from tests.support.jobs import make_capture
@@ -261,7 +261,9 @@ def test_a_grid_from_a_capture_to_the_picture(
     expect(page.get_by_label("Which grid").locator("option:checked")).to_contain_text("8×8×8")
     page.get_by_label("Slice", exact=True).fill("0.25")
     page.wait_for_function("location.hash.includes('slice=0.25')")
-    first = see_until(page, lambda picture: bool(stage(picture).std() > 8))
+    expect(page.get_by_test_id("badge")).to_have_text("Grid")  # until it has come, the stream's light stays
+    first = settled(page)
+    assert stage(first).std() > 8
     keep(page, "grid-open")
     page.get_by_role("radio", name="Both").check(force=True)
     expect(page.get_by_test_id("modulation")).to_contain_text("Gain", timeout=20_000)

@@ -254,6 +254,7 @@ def test_grids_and_probes_look_well(open_page: OpenPage, room: Publisher, grid: 
     }
     for title, more in looks.items():
         page = open_page(f"#stream=room&panel=0&grid={name}&{more}", size={"width": 800, "height": 600})
+        expect(page.get_by_test_id("badge")).to_have_text("Grid × live" if "both" in more else "Grid")
         picture = settled(page)
         keep(picture, f"look-{title}")
         assert picture.std() > 10
