@@ -28,7 +28,7 @@ def light_at(
         return (axis, flux, 1.0) if normal @ axis > 0 else None
     if lights.kind[j] == CAPTURED:
         assert field is not None
-        radiance = lights.harmonics[lights.row[j]] @ field.at(place[None])[0]
+        radiance = evaluate(axis, field.bands) @ field.at(place[None])[0]
         return (axis, flux * radiance, 1.0) if normal @ axis > 0 else None
     away = lights.position[j] - place
     square = float(away @ away)

@@ -79,8 +79,7 @@ class CapturedField:
         del clamp
         directions, _, solid_angle = self._directions.draw(numbers)
         flux = np.tile(solid_angle[:, None] / count, (1, 3))
-        harmonics = evaluate(directions, self._field.bands)
-        return make_lights(CAPTURED, np.zeros((len(numbers), 3)), directions, flux, harmonics=harmonics)
+        return make_lights(CAPTURED, np.zeros((len(numbers), 3)), directions, flux)
 
     def rays(self, numbers: Floats, count: float) -> Rays:
         """Return rays inwards, cosine-weighted about the faces' normals."""

@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from lightwell.conventions import coefficient_count
 from lightwell.geometry.rays import RayScene
 from lightwell.igi import kernels
-from lightwell.igi.lights import LightSets
+from lightwell.igi.lights import CAPTURED, LightSets
 from lightwell.render.light import StaticField
-from lightwell.sh.basis import RECURRENCE_A, RECURRENCE_AB, SECTORAL_RATIO, Y00
+from lightwell.sh.basis import RECURRENCE_A, RECURRENCE_AB, SECTORAL_RATIO, Y00, evaluate
 
 BLOCK_SIDE = 16
 """Pixels of one set along each side of a block; the results do not depend on it."""
@@ -53,7 +54,6 @@ class _Lights:
     flux: NDArray[Any]
     least: NDArray[Any]
     falloff: NDArray[Any]
-    row: NDArray[np.int32]
     harmonics: NDArray[Any]
 
 
@@ -89,8 +89,7 @@ class Gatherer:
             columns(lights.flux),
             lights.least.astype(self._dtype),
             columns(lights.falloff),
-            lights.row,
-            lights.harmonics.astype(self._dtype),
+            self._harmonics(),
         )
         tables = (RECURRENCE_A[:bands, :bands], RECURRENCE_AB[:bands, :bands], SECTORAL_RATIO[:bands], np.array([Y00]))
         self._tables = tuple(np.ascontiguousarray(table, dtype=self._dtype) for table in tables)
@@ -148,6 +147,16 @@ class Gatherer:
                         which = (column + corner[0]) % n + n * ((row + corner[1]) % m)
                         yield which, slice(row, down.stop, m), slice(column, across.stop, n)
 
+    def _harmonics(self) -> NDArray[Any]:
+        """Return what makes radiance of the field's coefficients, ``(N, bands'²)``; zero for lights of other kinds."""
+        lights = self._sets.lights
+        if self._field is None:
+            return np.empty((0, 0), self._dtype)
+        found = np.zeros((lights.count, coefficient_count(self._field.bands)), self._dtype)
+        captured = lights.kind == CAPTURED
+        found[captured] = evaluate(lights.normal[captured], self._field.bands)
+        return found
+
     def _captured(self, places: NDArray[np.floating]) -> NDArray[Any]:
         """Return the field's coefficients at places ``(P, 3)``, ``(bands'², 3, P)``."""
         if self._field is None:
@@ -204,7 +213,6 @@ class Gatherer:
                     lights.kind,
                     lights.flux,
                     lights.least,
-                    lights.row,
                     lights.harmonics,
                     own,
                     begin,

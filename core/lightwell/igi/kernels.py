@@ -179,7 +179,6 @@ def add_lights(  # type: ignore[no-untyped-def]
     kind,
     flux,
     least,
-    row,
     harmonics,
     own,
     first,
@@ -195,9 +194,9 @@ def add_lights(  # type: ignore[no-untyped-def]
 ):
     """Add ``Φ Y(ω)`` of lights ``first`` … ``last − 1`` to ``sums`` (bands², 3, P); return what the clamp took.
 
-    ``sight`` (J, 5, ≥ P) as `look_at_lights` writes it, light ``first`` at ``offset``; ``flux`` (3, N); ``row``
-    (N,) and ``harmonics`` (K, bands'²) of captured lights, and ``own`` (bands'², 3, P): the field's coefficients at the
-    pixels; ``basis`` (bands², P) and ``scratch`` are room. What is returned is summed over pixels and channels.
+    ``sight`` (J, 5, ≥ P) as `look_at_lights` writes it, light ``first`` at ``offset``; ``flux`` (3, N); ``harmonics``
+    (N, bands'²) of captured lights, and ``own`` (bands'², 3, P): the field's coefficients at the pixels; ``basis``
+    (bands², P) and ``scratch`` are room. What is returned is summed over pixels and channels.
     """
     zero = lowest.dtype.type(0)
     lost = np.zeros(count, sight.dtype)
@@ -219,7 +218,7 @@ def add_lights(  # type: ignore[no-untyped-def]
             if kind[first + j] == _CAPTURED:
                 target[:] = zero
                 for k in range(len(own)):
-                    value, values = harmonics[row[first + j], k], own[k, channel]
+                    value, values = harmonics[first + j, k], own[k, channel]
                     for p in range(count):
                         target[p] += value * values[p]
                 for p in range(count):

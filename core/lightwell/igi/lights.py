@@ -39,10 +39,6 @@ class VirtualLights:
     """``(N,)`` m²: the clamp. ``cosθ cosα / r²``, α at the point, counts as no more than one over it; 0: no clamp."""
     falloff: Floats
     """``(N, 2)``: a and b; (0, 1) where the light is the same in all directions."""
-    row: NDArray[np.int32]
-    """``(N,)``: captured: which of the harmonics."""
-    harmonics: Floats
-    """``(K, bands²)``: captured: what makes radiance from its direction of the field's coefficients."""
     direct: NDArray[np.bool_]
     """``(N,)``: straight from a source, or after bounces."""
 
@@ -60,7 +56,6 @@ def make_lights(
     *,
     least: Floats | float = 0.0,
     falloff: tuple[float, float] = (0.0, 1.0),
-    harmonics: Floats | None = None,
     direct: bool = True,
 ) -> VirtualLights:
     """Return lights of one kind; arrays as in `VirtualLights`."""
@@ -72,8 +67,6 @@ def make_lights(
         np.asarray(flux, np.float64).reshape(count, 3),
         np.broadcast_to(np.asarray(least, np.float64), (count,)).copy(),
         np.broadcast_to(np.array(falloff), (count, 2)).copy(),
-        np.arange(count, dtype=np.int32) if harmonics is not None else np.zeros(count, np.int32),
-        np.zeros((0, 1)) if harmonics is None else harmonics,
         np.full(count, direct),
     )
 
@@ -84,25 +77,13 @@ NONE = make_lights(SURFACE, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3))
 def join(parts: Sequence[VirtualLights]) -> VirtualLights:
     """Return all lights, in order."""
     parts = [part for part in parts if part.count] or [NONE]
-    tables = [part.harmonics for part in parts]
-    width = max(table.shape[1] for table in tables)
-    starts = np.cumsum([0, *(len(table) for table in tables)])
-    padded = [np.pad(table, ((0, 0), (0, width - table.shape[1]))) for table in tables]
-    joined = {
-        item.name: np.concatenate([getattr(part, item.name) for part in parts])
-        for item in fields(VirtualLights)
-        if item.name not in ("row", "harmonics")
-    }
-    rows = [part.row + np.int32(start) for part, start in zip(parts, starts[:-1], strict=True)]
-    return VirtualLights(row=np.concatenate(rows), harmonics=np.concatenate(padded), **joined)
+    columns = ([getattr(part, item.name) for part in parts] for item in fields(VirtualLights))
+    return VirtualLights(*(np.concatenate(column) for column in columns))
 
 
 def take(lights: VirtualLights, chosen: NDArray[np.int64] | NDArray[np.bool_]) -> VirtualLights:
     """Return some of the lights."""
-    picked = {
-        item.name: getattr(lights, item.name)[chosen] for item in fields(VirtualLights) if item.name != "harmonics"
-    }
-    return VirtualLights(harmonics=lights.harmonics, **picked)
+    return VirtualLights(*(getattr(lights, item.name)[chosen] for item in fields(VirtualLights)))
 
 
 @dataclass(frozen=True, eq=False)

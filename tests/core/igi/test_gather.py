@@ -34,9 +34,7 @@ def some_sets(pattern: tuple[int, int], seed: int, each: int = 40) -> LightSets:
     direct = [
         make_lights(SURFACE, places(each), axes(each), random.random((each, 3)), least=9 * random.random(each)),
         make_lights(DIRECTIONAL, places(each), axes(each), random.random((each, 3))),
-        make_lights(
-            CAPTURED, places(each), axes(each), random.random((each, 3)), harmonics=random.normal(size=(each, 4))
-        ),
+        make_lights(CAPTURED, places(each), axes(each), random.random((each, 3))),
     ]
     bounced = make_lights(SURFACE, places(each), axes(each), random.random((each, 3)), direct=False)
     common = join(
