@@ -19,6 +19,7 @@ from lightwell.igi.filter import Reach, same_surface, window_means
 from lightwell.igi.gbuffer import GBuffer
 
 RAYS_AT_ONCE = 1 << 16
+"""What they see and get is in memory at once, some 500 bytes a ray."""
 
 ELSEWHERE, UNSEEN = -1, -2
 

@@ -109,7 +109,8 @@ def load_igi_scene(
             raise RenderError(f"{where}: light: {error}, or lower light.gain") from None
     if settings.backdrop.file is not None:
         raise RenderError(f"{where}: backdrop.file: igi shows the light itself behind objects: name it as light.file")
-    if settings.igi.filter != "sh" and "samples" in settings.picture.model_fields_set and settings.picture.samples > 1:
+    samples = settings.picture.samples
+    if "samples" in settings.picture.model_fields_set and settings.igi.samples(samples) != samples:
         remarks.append(
             f"{where}: picture.samples: is left out; with igi.filter = {settings.igi.filter!r} a pixel is one ray:"
             " render larger and shrink"
