@@ -27,12 +27,21 @@ WHOLE, CUT, ABSENT = 0, 1, 2
 class Coverage:
     """Says which points of triangles are there; immutable, for any number of threads."""
 
-    def __init__(self, objects: Sequence[IgiObject], triangles: Int32s, owner: Int32s, uv: Sequence[Singles]) -> None:
-        """Take the objects, and of all together the triangles ``(F, 3)``, whose they are and texture coordinates."""
+    def __init__(
+        self,
+        objects: Sequence[IgiObject],
+        materials: Sequence[IgiMaterial],
+        triangles: Int32s,
+        material_of: Int32s,
+        uv: Sequence[Singles],
+    ) -> None:
+        """Take the objects and their materials, and of all together the triangles and texture coordinates.
+
+        ``triangles (F, 3)``; ``material_of (F,)``: which of the materials each has.
+        """
         self._triangles, self._uv = triangles, uv
         self._alpha = _merged_alpha(objects)
-        self._materials, made_of = by_material(objects)
-        self._material_of: Int32s = made_of[owner]
+        self._materials, self._material_of = materials, material_of
         cut = [number for number, material in enumerate(self._materials) if material.hole_below > 0]
         self.kind: NDArray[np.int8] = np.full(len(triangles), WHOLE, np.int8)
         """``(F,)``: `WHOLE`, `CUT` or `ABSENT`."""

@@ -77,7 +77,8 @@ class Surfaces:
         self._tangents = _merged_tangents(self.objects)
         self._materials, self._made_of = by_material(self.objects)
         self._textured = [number for number, material in enumerate(self._materials) if material.textures]
-        self._coverage = Coverage(self.objects, self.mesh.triangles, self.owner, self._uv)
+        made_of = self._made_of[self.owner]
+        self._coverage = Coverage(self.objects, self._materials, self.mesh.triangles, made_of, self._uv)
         kind = self._coverage.kind
         self._has_holes = bool((kind != WHOLE).any())
         self.rays: RayScene = (
